@@ -25,7 +25,7 @@ demo: ## From 20 images of a virtual test to the law of its adhesive; results in
 	$(or $(PROGRAM),$(CARGO) run --profile $(or $(PROFILE),release) --locked --) demo --output out/demo
 
 paper: ## Tables and figures of Fedele et al. (2009) done again; in out/paper
-	$(CARGO) run --release --locked -- paper --overwrite --output out/paper
+	$(CARGO) run --release --locked -- make paper --overwrite --output out/paper
 
 real: ## The first command, no option, on every set of images in the folder DATA=...; a table, results in out/first
 	@test -d "$(DATA)" || { echo "name a folder whose subfolders hold images: make real DATA=folder" >&2; exit 2; }

@@ -73,7 +73,7 @@ def main():
         folder = args.output / str(seed)
         if not (args.keep and (folder / "run/fit.json").exists()):
             shutil.rmtree(folder, ignore_errors=True)
-            call(args.program, "virtual", "--seed", seed, "--output", folder / "test")
+            call(args.program, "make", "virtual-test", "--seed", seed, "--output", folder / "test")
             call(args.program, "run", folder / "test/case.toml", "--output", folder / "run", "--quiet")
         seeds.append(counts(folder))
         if not args.keep:

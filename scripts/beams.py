@@ -34,7 +34,7 @@ class Runs:
     def compute(self, kind, name, law, extra="", **sizes):
         """Rows of group -> (ux, uy, Fx, Fy) per instant, and the other groups' displacements."""
         folder = self.folder / name
-        words = [self.program, "specimen", kind, "--output", folder, "--overwrite"]
+        words = [self.program, "make", "specimen", kind, "--output", folder, "--overwrite"]
         for key, value in {**SIZES, **sizes}.items():
             words += [f"--{key}", value]
         self.call(words)

@@ -3,7 +3,7 @@
 
     scripts/cold.py [--sizes 1024,2048,4096] [--repeat 5] [--program target/release/quadrille] [--before PROGRAM] [--folder DIR]
 
-Makes a pair of each size with `quadrille synth` (8-bit TIFF, noise of one grey level, moved by (1.3, -0.7) px) in a temporary
+Makes a pair of each size with `quadrille make images` (8-bit TIFF, noise of one grey level, moved by (1.3, -0.7) px) in a temporary
 folder (in DIR), reads it once so that it comes from the page cache, and starts `quadrille correlate` on it, each time into a new
 folder: with the whole image as the zone and nothing but the store written, and with no option at all. Prints the median of
 wall time (fastest to slowest), processor time, page faults and peak memory. With --before another build does the same by
@@ -53,7 +53,7 @@ def main():
         folder = pathlib.Path(folder)
         for size in map(int, arguments.sizes.split(",")):
             images = folder / str(size)
-            subprocess.run([arguments.program, "synth", "translation", "--size", f"{size}x{size}", "--shift", "1.3,-0.7", "--frames", "1",
+            subprocess.run([arguments.program, "make", "images", "translation", "--size", f"{size}x{size}", "--shift", "1.3,-0.7", "--frames", "1",
                             "--noise", "1", "--output", images], check=True, capture_output=True)
             pair = sorted(images.glob("??????.tif"))
             for file in pair:

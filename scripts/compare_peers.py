@@ -5,7 +5,7 @@
                              [--opencorr PROGRAM] [--json FILE]
 
 Installs pyxel-dic and pyvale from PyPI into .venv-peers (once), builds quadrille unless its program is given, makes the images
-with `quadrille synth` (8 bit, exact field known), and prints a table. In every repetition all codes have their turn, so that
+with `quadrille make images` (8 bit, exact field known), and prints a table. In every repetition all codes have their turn, so that
 another load of the machine hits them alike; ratios are taken turn by turn. Figures are median (least to largest). Two
 times for each code:
 
@@ -108,7 +108,7 @@ def images_of(program, folder, size, frames):
     """Reference and deformed images of the accuracy field: sinusoids, 0.5 % stretch, 0.2 degrees; noise in a series."""
     where = folder / f"images{size}"
     noise = ["--noise", "1"] if frames > 1 else []
-    subprocess.run([program, "synth", "accuracy", "--size", f"{size}x{size}", "--frames", str(frames), *noise,
+    subprocess.run([program, "make", "images", "accuracy", "--size", f"{size}x{size}", "--frames", str(frames), *noise,
                     "--grid", "4", "--output", where], check=True, capture_output=True)
     with open(where / "points.csv", "w", encoding="utf8") as points:
         places = range(ELEMENT, size - ELEMENT + 1, ELEMENT)

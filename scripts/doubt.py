@@ -156,7 +156,7 @@ def bilinear(program, folder, seed):
 def fits(program, folder, seed, cases, jobs):
     """`(name, asked, fit.json)` of every mistake made with one series."""
     shutil.rmtree(folder, ignore_errors=True)
-    call(program, "virtual", "--seed", seed, "--output", folder / "test")
+    call(program, "make", "virtual-test", "--seed", seed, "--output", folder / "test")
     text = keys(("output", "figures", "[]"))((folder / "test/case.toml").read_text())
 
     def fit(numbered):

@@ -47,7 +47,7 @@ def main() -> None:
     options = parser.parse_args()
     steady, flickering = options.output / "steady", options.output / "flickering"
     flickering.mkdir(parents=True, exist_ok=True)
-    synth = ["synth", "accuracy", "--size", f"{SIZE}x{SIZE}", "--frames", str(FRAMES), "--amplitude", "2", "--overwrite", "--output"]
+    synth = ["make", "images", "accuracy", "--size", f"{SIZE}x{SIZE}", "--frames", str(FRAMES), "--amplitude", "2", "--overwrite", "--output"]
     subprocess.run([options.program, *synth, steady], check=True, capture_output=True)
     draws = random.Random(1)
     for image in sorted(steady.glob("*.tif")):

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the notices of third parties that the program prints with `quadrille licences`: of every crate in it, on any system,
+"""Writes the notices of third parties that the program prints with `quadrille about licences`: of every crate in it, on any system,
 its version, its licence and who holds the copyright; and each text of a licence once. Those of the module of Python beside them, which
 its wheel holds with the former, are in python/THIRD_PARTY.txt.
 
@@ -151,7 +151,7 @@ def main() -> int:
     texts_of = {
         NOTICES: notices(f"quadrille contains the work of others, {listed}", of_program),
         OF_PYTHON: notices(
-            "The Python module of quadrille contains the work of others, that which `quadrille licences` prints and beside it that\n"
+            "The Python module of quadrille contains the work of others, that which `quadrille about licences` prints and beside it that\n"
             f"{listed}", of_python),
     }
     wrong = 0

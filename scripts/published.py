@@ -227,7 +227,7 @@ def laminate(material):
 
 
 def specimen(args, kind, folder, **sizes):
-    words = [args.quadrille, "specimen", kind, "--output", folder, "--overwrite"]
+    words = [args.quadrille, "make", "specimen", kind, "--output", folder, "--overwrite"]
     for key, value in sizes.items():
         words += [f"--{key}", value]
     subprocess.run(list(map(str, words)), check=True, capture_output=True)

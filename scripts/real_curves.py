@@ -92,7 +92,7 @@ def reduced(e_1, compliance, load):
 
 
 def beam(folder, program, e_1, opening, cohesive, extra):
-    program("specimen", "dcb", "--output", folder, "--overwrite", "--length", LENGTH, "--crack", CRACK, "--arm", ARM, "--adhesive", 0,
+    program("make", "specimen", "dcb", "--output", folder, "--overwrite", "--length", LENGTH, "--crack", CRACK, "--arm", ARM, "--adhesive", 0,
             "--element", 0.5, "--rows", 3, "--opening", 10, "--instants", 10)
     half = (0.5 * np.asarray(opening)).tolist()
     pins = "".join(f'[[support]]\ngroup = "{name}_pin"\nrigid = true\nu_x_mm = 0\nu_y_mm = {[side * u for u in half]}\n'

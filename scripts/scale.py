@@ -3,7 +3,7 @@
 
     scripts/scale.py [--frames 100000] [--sizes 1024,2048,5504] [--folder DIR]
 
-Makes images with `quadrille synth` in a temporary folder (in DIR, which needs room: 100 000 frames are 800 000 small files),
+Makes images with `quadrille make images` in a temporary folder (in DIR, which needs room: 100 000 frames are 800 000 small files),
 and prints seconds and peak memory of each command. The many frames are links to 20 images of 96 x 96 px, to and fro; of each
 larger size there are 6, and the bytes per frame are those of the store.
 """
@@ -29,7 +29,7 @@ def timed(*command):
 
 
 def images(quadrille, folder, size, frames):
-    subprocess.run([quadrille, "synth", "accuracy", "--size", f"{size}x{size}", "--frames", str(frames), "--noise", "1",
+    subprocess.run([quadrille, "make", "images", "accuracy", "--size", f"{size}x{size}", "--frames", str(frames), "--noise", "1",
                     "--grid", "64", "--output", folder], check=True, capture_output=True)
 
 

@@ -84,7 +84,7 @@ def ended(ran: subprocess.CompletedProcess, codes: tuple[int, ...]) -> list[str]
 def images(program: Path, folder: Path) -> Path:
     """The reference and 20 frames of 96 x 96 px."""
     if not folder.exists():
-        done = run(program, "synth", "accuracy", "--size", "96x96", "--frames", "20", "--noise", "1", "--grid", "64", "--output", folder)
+        done = run(program, "make", "images", "accuracy", "--size", "96x96", "--frames", "20", "--noise", "1", "--grid", "64", "--output", folder)
         assert done.returncode == 0, done.stderr
     return folder
 
@@ -133,7 +133,7 @@ def commands(program: Path, output: Path) -> dict[str, list[str]]:
     )
     # Two images of a joint, and a fit that ends soon: a run is given again hundreds of times.
     virtual = output / "virtual"
-    run(program, "virtual", "--instants", "2", "--output", virtual)
+    run(program, "make", "virtual-test", "--instants", "2", "--output", virtual)
     case = (virtual / "case.toml").read_text()
     case, of_fit = case.split("[fit]\n")
     plasticity = ("sigma_0_MPa", "alpha", "n")
@@ -270,7 +270,7 @@ def zones(options) -> None:
     size = [34 * columns + 32, 34 * rows + 32]
     folder = options.output / "zones"
     folder.mkdir(exist_ok=True)
-    run(options.program, "synth", "translation", "--shift", "0.6,-0.3", "--size", f"{size[0]}x{size[1]}", "--output", folder / "images")
+    run(options.program, "make", "images", "translation", "--shift", "0.6,-0.3", "--size", f"{size[0]}x{size[1]}", "--output", folder / "images")
     case = ["[images]", 'reference = "images/000000.tif"', 'deformed = "images/000001.tif"']
     for zone in range(options.zones):
         x, y = 16 + 34 * (zone % columns), 16 + 34 * (zone // columns)
@@ -308,7 +308,7 @@ def large(options) -> None:
     folder = options.output / "large"
     folder.mkdir(exist_ok=True)
     side, of = options.side, 512
-    run(options.program, "synth", "translation", "--shift", "0.6,-0.3", "--size", f"{of}x{of}", "--output", folder / "tile")
+    run(options.program, "make", "images", "translation", "--shift", "0.6,-0.3", "--size", f"{of}x{of}", "--output", folder / "tile")
     for name in ("000000", "000001"):
         bytes_of = (folder / f"tile/{name}.tif").read_bytes()
         start = bytes_of.find(b"II*\0")

@@ -38,7 +38,7 @@ def call(program, *words, refused=False):
 
 
 def selected(columns, rows):
-    """The 80 nodes of `quadrille paper` in the numbers of a correlation of two zones, lower zone first, rows downwards."""
+    """The 80 nodes of `quadrille make paper` in the numbers of a correlation of two zones, lower zone first, rows downwards."""
     per_row = columns + 1
     per_zone = per_row * (rows + 1)
     thirds = [columns // 3, 2 * columns // 3]
@@ -70,7 +70,7 @@ def interval(p):
 def study(program, folder, seed, noise, depth, variants):
     """The fits of one series: `(variant, fit.json)`."""
     shutil.rmtree(folder, ignore_errors=True)
-    call(program, "virtual", "--seed", seed, "--noise", noise, "--depth", depth, "--output", folder / "test")
+    call(program, "make", "virtual-test", "--seed", seed, "--noise", noise, "--depth", depth, "--output", folder / "test")
     call(program, "run", folder / "test/case.toml", "--output", folder / "run", "--quiet")
     text = (folder / "run/identify.toml").read_text()
     # File names in the case are relative to its folder.

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Which law: truths of every kind on the virtual test, noise on every displacement, and what `quadrille tournament` says.
+"""Which law: truths of every kind on the virtual test, noise on every displacement, and what `quadrille identify --tournament` says.
 
 The boundary of the virtual test (or of a small joint, --small) moves a joint whose adhesive is of the true law (`quadrille simulate`); white noise goes onto the
 displacements of all nodes, and the tournament gets them with the noise stated. The case starts the extended law of Xu and
@@ -11,7 +11,7 @@ which laws are told apart and what their averages hold is worked out here, by th
 (which may have had another rule when they were made; --scatter 0 is one that is too narrow).
 
 With --images nothing is simulated for the program: the virtual test is photographed with an adhesive of the true law (`quadrille
-virtual --law`), another texture and other noise for every seed, and `quadrille run` gets the images and the case file beside them.
+make virtual-test --law`), another texture and other noise for every seed, and `quadrille run` gets the images and the case file beside them.
 
     scripts/tournament.py --seeds 20 --output out/tournament
     scripts/tournament.py --images --noise 2 --instants 6 --seeds 5 --output out/tournament-images
@@ -155,7 +155,7 @@ def draw(program, head, output, rows, name, noise_px, seed):
         f'common_reference = false\nnoise_mm = {noise}\n[fit]\nparameters = ["phi_n", "delta_n", "delta_t", "r"]\n'
         f'laws = {json.dumps(LAWS)}\nexact = true\ndiscretisation = "off"\n')
     begin = time.monotonic()
-    call(program, "tournament", folder / "case.toml", "--output", folder / "laws", "--quiet", "--threads", 1)
+    call(program, "identify", folder / "case.toml", "--tournament", "--output", folder / "laws", "--quiet", "--threads", 1)
     return *read(folder / "laws"), time.monotonic() - begin
 
 
@@ -166,7 +166,7 @@ def photographed(program, output, name, noise_grey, instants, seed):
     if finished(folder / "run"):
         return *read(folder / "run"), 0.0, list(json.loads((test / "truth.json").read_text())["parameters"].values())
     shutil.rmtree(folder, ignore_errors=True)
-    call(program, "virtual", "--law", name, "--noise", noise_grey, "--instants", instants, "--seed", seed, "--output", test,
+    call(program, "make", "virtual-test", "--law", name, "--noise", noise_grey, "--instants", instants, "--seed", seed, "--output", test,
          "--threads", 1)
     truth = json.loads((test / "truth.json").read_text())["parameters"]
     case = (test / "case.toml").read_text()
@@ -258,7 +258,7 @@ def main():
             head = small_joint(test, instants=args.instants)
         else:
             if not (test / "truth.json").exists():
-                call(args.program, "virtual", "--output", test)
+                call(args.program, "make", "virtual-test", "--output", test)
             head = virtual_joint(test)
         data = {name: simulated(args.program, head, args.output, name) for name in args.truths}
     print("truth                  px    right  chosen alone  left (mean)  works held  tractions held  seconds")

@@ -40,7 +40,7 @@ mkdir "$work/program"
 x86_64-w64-mingw32-gcc -shared -O1 -o "$work/program/bcryptprimitives.dll" "$work/prng.c" -ladvapi32
 cp "$windows" "$work/program/"
 windows=$work/program/$(basename "$windows")
-"$linux" synth accuracy --size 256x192 --frames 3 --output "$work/images" > /dev/null
+"$linux" make images accuracy --size 256x192 --frames 3 --output "$work/images" > /dev/null
 cd "$work/images"
 first=$(ls ./*.tif | head -1)
 words=(correlate --device cpu --element-size 16 --export csv --quiet --reference "$first")

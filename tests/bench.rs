@@ -23,7 +23,7 @@ fn measured(desk: &Desk) -> Value {
 fn every_device_has_every_figure_at_every_size() {
     let desk = Desk::new();
     let record = measured(&desk);
-    let adapters: Value = serde_json::from_str(&desk.run("devices --json").printed()).unwrap();
+    let adapters: Value = serde_json::from_str(&desk.run("about devices --json").printed()).unwrap();
     let usable = adapters.as_array().unwrap().iter().filter(|device| device["unusable"].is_null()).count();
     let devices = record["devices"].as_array().unwrap();
     assert_eq!(devices.len(), usable, "the CPU and every adapter");

@@ -1,4 +1,4 @@
-//! `quadrille devices`, `--device`, and what a run does when its device fails.
+//! `quadrille about devices`, `--device`, and what a run does when its device fails.
 
 #![cfg(feature = "cli")]
 
@@ -20,7 +20,7 @@ const TWINS_PX: f64 = 2e-5;
 /// QUADRILLE_GPU=require.
 #[track_caller]
 fn has_adapter(desk: &Desk, name: &str) -> bool {
-    let listed: Value = serde_json::from_str(&desk.run("devices --json").printed()).unwrap();
+    let listed: Value = serde_json::from_str(&desk.run("about devices --json").printed()).unwrap();
     if listed.as_array().unwrap().len() > 1 {
         return true;
     }
@@ -57,9 +57,9 @@ fn assert_same_fields(desk: &Desk, one: &str, other: &str) {
 #[test]
 fn devices_lists_the_cpu_and_marks_the_one_that_auto_takes() {
     let desk = Desk::new();
-    let text = desk.run("devices").printed();
+    let text = desk.run("about devices").printed();
     assert!(text.contains("CPU (processor)") && text.contains("* is taken by --device auto"), "{text}");
-    let listed: Value = serde_json::from_str(&desk.run("devices --json").printed()).unwrap();
+    let listed: Value = serde_json::from_str(&desk.run("about devices --json").printed()).unwrap();
     let listed = listed.as_array().unwrap();
     assert_eq!(listed[0]["device"], "cpu");
     assert_eq!(listed.iter().filter(|device| device["auto"] == true).count(), 1);
@@ -78,7 +78,7 @@ fn without_a_driver_auto_takes_the_cpu_and_says_so() {
     let ran = desk.run_with(&NO_DRIVER, &words(&line.replace("out ref", "small ref"))).fine();
     assert!(!ran.stderr.contains("no graphics device"), "{ran}");
     assert!(desk.json("out/summary.json")["device"].as_str().unwrap().starts_with("cpu"), "{ran}");
-    let listed = desk.run_with(&NO_DRIVER, &["devices"]).printed();
+    let listed = desk.run_with(&NO_DRIVER, &["about", "devices"]).printed();
     assert!(listed.contains("no graphics device:"), "{listed}");
 }
 
@@ -92,7 +92,7 @@ fn a_program_without_graphics_devices_says_so_and_works_on_the_cpu() {
     }
     let ran = desk.run_with(&[("QUADRILLE_GPU_FROM_MPX", "0")], &words(&line("auto"))).fine();
     assert!(ran.stderr.contains("no graphics device: the CPU does the work"), "{ran}");
-    assert!(desk.run("devices").printed().contains("built without graphics devices"));
+    assert!(desk.run("about devices").printed().contains("built without graphics devices"));
 }
 
 #[cfg(feature = "gpu")]
@@ -140,10 +140,10 @@ fn a_device_that_computes_something_else_is_refused_before_it_measures_and_found
     let words = words(&line);
     desk.run_with(&[ALTERED], &words).refused(&["does not compute what the CPU does", "differ by", "--trust-device"]);
     assert!(!desk.path("out/summary.json").exists());
-    let checked = desk.run_with(&[ALTERED], &["devices", "--check"]);
+    let checked = desk.run_with(&[ALTERED], &["about", "devices", "--check"]);
     assert_eq!(checked.code, Some(1), "{checked}");
     assert!(checked.stdout.contains("is NOT to be used") && checked.stdout.contains("!"), "{checked}");
-    let right = desk.run("devices --check --json").printed();
+    let right = desk.run("about devices --check --json").printed();
     let right: Value = serde_json::from_str(&right).unwrap();
     assert_eq!(right[0]["right"], true, "{right:#}");
     // Trusted, it measures, and nobody looks.

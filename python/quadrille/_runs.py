@@ -156,7 +156,7 @@ def tournament(
     case: Path_, output: Path_, laws: Sequence[str] = (), *, overwrite: bool = False, max_seconds: float | None = None,
     max_evaluations: int | None = None, threads: int | None = None, on_event: Watcher = None,
 ) -> Result:
-    """Several laws on the same data, as ``quadrille tournament``; the record is tournament.json.
+    """Several laws on the same data, as ``quadrille identify --tournament``; the record is tournament.json.
 
     laws: names of laws; by default those of ``[fit]``.
 

@@ -55,6 +55,6 @@ def program():
 def series(tmp_path_factory, program):
     """A folder with a reference and five frames, as files."""
     folder = tmp_path_factory.mktemp("series")
-    made = program("synth", "accuracy", "--size", "160x128", "--frames", "5", "--noise", "1", "--output", folder / "images")
+    made = program("make", "images", "accuracy", "--size", "160x128", "--frames", "5", "--noise", "1", "--output", folder / "images")
     assert made.returncode == 0, made.stderr
     return folder / "images"

@@ -206,7 +206,7 @@ def test_the_program_of_the_wheel_is_the_program(program):
     assert program("--version").stdout == f"quadrille {quadrille.__version__}\n"
     wrong = program("correlate", "--outptu", "x")
     assert wrong.returncode == 2 and wrong.stderr.startswith("quadrille: ")
-    assert "MIT" in program("licences").stdout
+    assert "MIT" in program("about", "licences").stdout
 
 
 def test_metrology_of_arrays(reference):

@@ -11,7 +11,7 @@ import quadrille
 def joint(tmp_path_factory, program):
     """A small virtual test with its case files."""
     folder = tmp_path_factory.mktemp("joint") / "test"
-    made = program("virtual", "--output", folder)
+    made = program("make", "virtual-test", "--output", folder)
     assert made.returncode == 0, made.stderr
     return folder
 

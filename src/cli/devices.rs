@@ -1,4 +1,4 @@
-//! `quadrille devices`.
+//! `quadrille about devices`.
 
 #![allow(unsafe_code, reason = "the environment of drivers is set before any thread starts")]
 

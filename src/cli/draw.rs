@@ -1,6 +1,6 @@
-//! `quadrille draw`.
+//! `quadrille make page`.
 
-use super::args::DrawArgs;
+use super::args::PageArgs;
 use super::{Outcome, Result};
 use crate::io::case::CaseDocument;
 use crate::io::images::Accepted;
@@ -27,7 +27,7 @@ fn apart(path: &Path) -> Option<String> {
 }
 
 /// Runs the command.
-pub(super) fn run(args: &DrawArgs) -> Result<Outcome> {
+pub(super) fn run(args: &PageArgs) -> Result<Outcome> {
     let (first, others) = args.images.split_first().ok_or("no image is named")?;
     let files = expand_series(std::slice::from_ref(first), Path::new(""))?;
     let file = files.first().ok_or_else(|| format!("{first}: there is no such image"))?;

@@ -1,12 +1,12 @@
-//! `quadrille identify` and `quadrille sweep`: the parameters of the adhesive from measured displacements.
+//! `quadrille identify`, of one law or at values of a parameter (`--sweep`): the parameters of the adhesive from measured displacements.
 
-use super::args::{IdentifyArgs, SweepArgs};
+use super::args::{IdentifyArgs, Prescribed};
 use super::lines::wrapped;
 use super::paint::Paint;
 use super::progress::Progress;
 use super::run::or_stopped;
 use super::talk::Talk;
-use super::{Outcome, Result, plural, signals};
+use super::{Outcome, Result, plural, signals, tournament};
 use crate::identify::{Case, Ended, FitStatus, FitWatch, SweepRow, sweep};
 use crate::io::joint::{IdentifyInput, read_identify, read_joint};
 use crate::report::fit::{SweepRecord, write_sweep};
@@ -20,6 +20,11 @@ const MOST_NAMED: usize = 10;
 /// Runs `quadrille identify`.
 pub(super) fn run(args: &IdentifyArgs, paint: Paint) -> Result<Outcome> {
     args.drawn.choose();
+    match (&args.sweep, &args.tournament) {
+        (Some(asked), _) => return run_sweep(args, asked.as_ref()),
+        (None, Some(laws)) => return tournament::run(args, laws, paint),
+        (None, None) => {}
+    }
     let mut input = read_identify(&args.case)?;
     match &mut input {
         IdentifyInput::One(input) => input.case.fit.iter_mut().for_each(|fit| args.limits.over(fit)),
@@ -41,9 +46,8 @@ pub(super) fn run(args: &IdentifyArgs, paint: Paint) -> Result<Outcome> {
     or_stopped(ran.map(|(_, outcome)| outcome), &stop)
 }
 
-/// Runs `quadrille sweep`.
-pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
-    args.drawn.choose();
+/// Runs `quadrille identify --sweep`.
+fn run_sweep(args: &IdentifyArgs, asked: Option<&Prescribed>) -> Result<Outcome> {
     let mut input = read_joint(&args.case)?;
     if let Some(fit) = &mut input.case.fit {
         args.limits.over(fit);
@@ -51,7 +55,7 @@ pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
     let pool = args.threads.pool()?;
     let joint = Case::joint(&input)?;
     let mut case = Case::new(&joint, &input, &args.case)?;
-    let (index, values) = prescribed(args, &case)?;
+    let (index, values) = prescribed(asked, &case)?;
     let folder = RunFolder::open(&args.results.output, args.results.overwrite)?;
     folder.clear(false, false)?;
     folder.make(FIGURES)?;
@@ -113,24 +117,21 @@ pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
 }
 
 /// The parameter that is prescribed, by its number, and its values: as given, else those of the case.
-fn prescribed(args: &SweepArgs, case: &Case<'_>) -> Result<(usize, Vec<f64>)> {
-    let given = match (&case.sweep, args.values.as_slice()) {
-        (Some((index, values)), []) => return Ok((*index, values.clone())),
-        (None, []) => {
-            return Err("nothing to sweep: give --values 3,4,5,6, or a table [fit.sweep] with r = [3, 4, 5, 6]".into());
-        }
-        (_, given) => given,
+fn prescribed(asked: Option<&Prescribed>, case: &Case<'_>) -> Result<(usize, Vec<f64>)> {
+    let Some(Prescribed { name, values }) = asked else {
+        let of_case = case.sweep.clone();
+        return of_case
+            .ok_or_else(|| "nothing to sweep: give --sweep r=3,4,5,6, or r = [3, 4, 5, 6] in [fit.sweep]".into());
     };
     let parameters = case.problem.unknowns.law().parameters();
-    let name = &args.parameter;
     let Some(index) = parameters.iter().position(|p| p.name == name) else {
         let names: Vec<_> = parameters.iter().map(|p| p.name).collect();
-        return Err(format!("--parameter {name}: the law has no such parameter; it has {}", names.join(", ")).into());
+        return Err(format!("--sweep {name}: the law has no such parameter; it has {}", names.join(", ")).into());
     };
     if case.problem.unknowns.list().iter().any(|unknown| unknown.index == index) {
-        return Err(format!("--parameter {name} is fitted; take it out of [fit] parameters to prescribe it").into());
+        return Err(format!("--sweep {name} is fitted; take it out of [fit] parameters to prescribe it").into());
     }
-    Ok((index, given.to_vec()))
+    Ok((index, values.clone()))
 }
 
 /// A line for each fit, and what was not fitted.

@@ -12,6 +12,7 @@ macro_rules! print {
     ($($text:tt)*) => { $crate::cli::voice::result(format_args!($($text)*)) };
 }
 
+mod about;
 mod allocator;
 mod animate;
 mod args;
@@ -27,7 +28,6 @@ mod fitting;
 mod frames;
 mod gauges;
 mod identify;
-mod licences;
 mod lines;
 mod metrology;
 mod paint;
@@ -37,8 +37,6 @@ mod probe;
 mod progress;
 mod results;
 mod run;
-mod schema;
-mod shell;
 mod signals;
 mod simulate;
 mod slurm;
@@ -111,26 +109,16 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
         args::Command::Probe(args) => probe::run(&args),
         args::Command::Figures(args) => figures::run(&args),
         args::Command::View(args) => view::run(&args),
-        args::Command::Draw(args) => draw::run(&args),
         args::Command::Studio(args) => studio::run(&args),
-        args::Command::Synth(args) => synth::run(&args),
         args::Command::Demo(args) => demo::run(&args, paint),
         args::Command::Metrology(args) => metrology::run(&args),
-        args::Command::Devices(args) => devices::run(&args),
         args::Command::Bench(BenchArgs { what: Some(BenchWhat::Series(args)), .. }) => bench_series::run(&args),
         args::Command::Bench(args) => bench::run(&args),
         args::Command::Simulate(args) => simulate::run(&args, paint),
         args::Command::Identify(args) => identify::run(&args, paint),
-        args::Command::Sweep(args) => identify::run_sweep(&args),
-        args::Command::Tournament(args) => tournament::run(&args, paint),
-        args::Command::Virtual(args) => virtual_test::run(&args),
-        args::Command::Specimen(args) => specimen::run(&args),
         args::Command::Run(args) => run::run(&args, paint),
-        args::Command::Schema(args) => schema::run(&args),
-        args::Command::Paper(args) => paper::run(&args),
-        args::Command::Completions(args) => shell::completions(&args),
-        args::Command::Manual(args) => shell::manual(&args),
-        args::Command::Licences => licences::run(),
+        args::Command::Make(args) => make(&args),
+        args::Command::About(args) => about::run(&args),
     };
     match outcome {
         Ok(Outcome::Fine) => 0,
@@ -140,6 +128,16 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
             eprintln!("quadrille: {}", chain(error.as_ref()));
             2
         }
+    }
+}
+
+fn make(args: &args::MakeArgs) -> Result<Outcome> {
+    match &args.what {
+        args::Make::Images(args) => synth::run(args),
+        args::Make::VirtualTest(args) => virtual_test::run(args),
+        args::Make::Specimen(args) => specimen::run(args),
+        args::Make::Page(args) => draw::run(args),
+        args::Make::Paper(args) => paper::run(args),
     }
 }
 

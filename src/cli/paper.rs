@@ -1,4 +1,4 @@
-//! `quadrille paper`: the numerical experiments of Fedele, Raka, Hild and Roux (2009) done again.
+//! `quadrille make paper`: the numerical experiments of Fedele, Raka, Hild and Roux (2009) done again.
 
 use super::args::PaperArgs;
 use super::paper_text::markdown;

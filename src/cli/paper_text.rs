@@ -10,7 +10,7 @@ use crate::paper::{
 use crate::virtual_test::PIXEL_MM;
 use std::fmt::Write as _;
 
-/// What `tables.md` of `quadrille paper` says.
+/// What `tables.md` of `quadrille make paper` says.
 pub(super) fn markdown(
     args: &PaperArgs,
     table_1: &[(u64, LevelFits)],

@@ -1,4 +1,4 @@
-//! `quadrille specimen`: the mesh and the case file of a usual test, to begin with.
+//! `quadrille make specimen`: the mesh and the case file of a usual test, to begin with.
 
 use super::args::SpecimenArgs;
 use super::{Outcome, Result};

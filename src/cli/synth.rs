@@ -1,6 +1,6 @@
-//! `quadrille synth`.
+//! `quadrille make images`.
 
-use super::args::{Bits, Field, SynthArgs};
+use super::args::{Bits, Field, ImagesArgs};
 use super::{Outcome, Result};
 use crate::io::images::write_image;
 use crate::synth::{
@@ -11,7 +11,7 @@ use std::fs;
 use std::path::Path;
 
 /// Runs the command.
-pub(super) fn run(args: &SynthArgs) -> Result<Outcome> {
+pub(super) fn run(args: &ImagesArgs) -> Result<Outcome> {
     let [width, height] = args.size;
     let finite = |name: &str, value: f64| {
         if value.is_finite() { Ok(value) } else { Err(format!("{name} is {value}; give a number")) }
@@ -40,7 +40,7 @@ pub(super) fn run(args: &SynthArgs) -> Result<Outcome> {
     }
 }
 
-fn wavelength(args: &SynthArgs) -> Result<f64> {
+fn wavelength(args: &ImagesArgs) -> Result<f64> {
     let value = args.wavelength;
     if value.is_finite() && value > 0.0 {
         Ok(value)
@@ -49,7 +49,7 @@ fn wavelength(args: &SynthArgs) -> Result<f64> {
     }
 }
 
-fn make<M: Motion>(args: &SynthArgs, motion: M) -> Result<Outcome> {
+fn make<M: Motion>(args: &ImagesArgs, motion: M) -> Result<Outcome> {
     let [width, height] = args.size;
     if args.grid == 0 {
         return Err("--grid is 0; give the distance of the points in pixels".into());

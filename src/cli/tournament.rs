@@ -1,6 +1,6 @@
-//! `quadrille tournament`: several laws on the same data.
+//! `quadrille identify --tournament`: several laws on the same data.
 
-use super::args::TournamentArgs;
+use super::args::IdentifyArgs;
 use super::paint::Paint;
 use super::progress::Progress;
 use super::run::or_stopped;
@@ -10,17 +10,16 @@ use crate::io::joint::read_joint;
 use crate::run::{Event, compare_laws};
 
 /// Runs the command.
-pub(super) fn run(args: &TournamentArgs, paint: Paint) -> Result<Outcome> {
-    args.drawn.choose();
+pub(super) fn run(args: &IdentifyArgs, laws: &[String], paint: Paint) -> Result<Outcome> {
     let mut input = read_joint(&args.case)?;
     if let Some(fit) = &mut input.case.fit {
         args.limits.over(fit);
-        if !args.laws.is_empty() {
-            fit.laws.clone_from(&args.laws);
+        if !laws.is_empty() {
+            fit.laws = laws.to_vec();
         }
         if fit.laws.is_empty() {
             let laws = crate::mechanics::cohesive::LAW_NAMES.join(", ");
-            return Err(format!("nothing to compare: give --laws A,B, or laws in [fit]; there are {laws}").into());
+            return Err(format!("nothing to compare: give --tournament A,B, or laws in [fit]; there are {laws}").into());
         }
     }
     let mut progress = Progress::new(Talk::of(args.progress, args.talk.quiet), paint);

@@ -1,4 +1,4 @@
-//! `quadrille virtual`: the virtual test with its images, its truth, and a case file to run.
+//! `quadrille make virtual-test`: the virtual test with its images, its truth, and a case file to run.
 
 use super::args::{VirtualArgs, VirtualDepth, VirtualKinematics, VirtualMixity};
 use super::{Outcome, Result};

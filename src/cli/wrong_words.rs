@@ -12,9 +12,34 @@ pub(super) fn in_words(error: &clap::Error, arguments: &[OsString]) -> String {
     let said = match error.kind() {
         ErrorKind::ValueValidation => of_value(error, arguments),
         ErrorKind::UnknownArgument => unknown(error, arguments),
+        ErrorKind::InvalidSubcommand => moved(error),
         _ => None,
     };
     format!("{}; more with --help", said.unwrap_or_else(|| one_line(&error.render().to_string())))
+}
+
+/// Commands by the names that they once had, and where each is now.
+const MOVED: [(&str, &str); 13] = [
+    ("sweep", "identify --sweep"),
+    ("tournament", "identify --tournament"),
+    ("synth", "make images"),
+    ("virtual", "make virtual-test"),
+    ("specimen", "make specimen"),
+    ("draw", "make page"),
+    ("paper", "make paper"),
+    ("devices", "about devices"),
+    ("schema", "about schema"),
+    ("completions", "about completions"),
+    ("manual", "about manual"),
+    ("licences", "about licences"),
+    ("licenses", "about licences"),
+];
+
+/// A command that has another name now.
+fn moved(error: &clap::Error) -> Option<String> {
+    let given = text(error, ContextKind::InvalidSubcommand)?;
+    let (_, now) = MOVED.iter().find(|(before, _)| *before == given)?;
+    Some(format!("{given} is now `quadrille {now}`"))
 }
 
 /// What clap says, on one line: the fault and its tip, without the usage.

@@ -1,4 +1,4 @@
-//! Several laws on the same data: what `quadrille tournament` does, and a fit whose case names other laws.
+//! Several laws on the same data: what `quadrille identify --tournament` does, and a fit whose case names other laws.
 
 use super::error::Result;
 use super::event::{Event, Watcher};

@@ -41,10 +41,11 @@ fn a_series_goes_on_where_nobody_can_hear_it() {
 #[test]
 fn a_result_that_cannot_be_written_is_no_success_and_a_reader_that_has_enough_is_no_fault() {
     let desk = Desk::new();
-    let lost = shell(&desk, "exec $Q schema >/dev/full");
+    let lost = shell(&desk, "exec $Q about schema >/dev/full");
     assert!(matches!(lost.status.code(), Some(1 | 2)), "{:?}", lost.status);
     assert!(said(&lost).contains("No space left"), "{}", said(&lost));
-    let enough = shell(&desk, "set -o pipefail; $Q devices | true; $Q devices --json | head -c 1 >/dev/null");
+    let enough =
+        shell(&desk, "set -o pipefail; $Q about devices | true; $Q about devices --json | head -c 1 >/dev/null");
     assert!(!said(&enough).contains("panicked") && enough.status.code() == Some(0), "{}", said(&enough));
 }
 
@@ -54,7 +55,7 @@ fn no_socket_in_a_folder_of_everybody_is_spoken_to() {
     let listener = std::os::unix::net::UnixListener::bind(desk.path("wayland-0")).unwrap();
     listener.set_nonblocking(true).unwrap();
     let output = Command::new(PROGRAM)
-        .arg("devices")
+        .args(["about", "devices"])
         .env_remove("XDG_RUNTIME_DIR")
         .env("TMPDIR", desk.path(""))
         .env("WAYLAND_DISPLAY", "wayland-0")
@@ -308,7 +309,7 @@ fn memory_is_asked_for_in_large_pages() {
         return;
     }
     let desk = Desk::new();
-    desk.run("synth translation --size 768x768 --frames 1 --output s").fine();
+    desk.run("make images translation --size 768x768 --frames 1 --output s").fine();
     desk.write("maps.c", MAPS);
     let library = compiled(&desk, &desk.path("maps.c"));
     let line = "correlate --device cpu --threads 2 --export none --no-report --output run s/000000.tif s/000001.tif";
@@ -524,27 +525,27 @@ fn frames_whose_files_say_that_they_were_taken_at_another_time_are_named() {
 fn shells_and_man_are_told_of_every_command() {
     let desk = Desk::new();
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
-        let text = desk.run(&format!("completions {shell}")).printed();
+        let text = desk.run(&format!("about completions {shell}")).printed();
         for there in ["correlate", "max-image-mpx", "tournament"] {
             assert!(text.contains(there), "{shell}: {there}");
         }
     }
-    desk.run("manual --output man");
+    desk.run("about manual --output man");
     let page = String::from_utf8(desk.bytes("man/quadrille-correlate.1")).unwrap();
     assert!(page.starts_with(".ie") && page.contains("reference"), "{page}");
     let whole = String::from_utf8(desk.bytes("man/quadrille.1")).unwrap();
     for page in desk.all_files("man").iter().filter(|name| name.len() > "quadrille.1".len()) {
-        let command = page.trim_start_matches("quadrille-").trim_end_matches(".1");
+        let command = page.trim_start_matches("quadrille-").trim_end_matches(".1").split('-').next().unwrap();
         assert!(whole.contains(command), "{command}");
     }
-    assert!(desk.all_files("man").len() > 20);
+    assert!(desk.read("man/quadrille-make-images.1").contains("wavelength"));
 }
 
 #[test]
 fn the_licences_of_others_are_in_the_program() {
     let desk = Desk::new();
     for word in ["licences", "licenses"] {
-        let text = desk.run(word).printed();
+        let text = desk.run(&format!("about {word}")).printed();
         for there in [
             "zarrs 0.",
             "Permission is hereby granted, free of charge",

@@ -313,7 +313,7 @@ fn an_output_that_cannot_be_written_is_refused_before_anything_is_read() {
     desk.write("out/csv", "a file");
     desk.correlate(&format!("{INSIDE} --output out ref.png a.png")).refused(&["out/csv", "cannot be written"]);
     assert_eq!(desk.read("out/csv"), "a file");
-    desk.run("synth translation --size 32x32 --output taken").refused(&["taken", "cannot be written"]);
+    desk.run("make images translation --size 32x32 --output taken").refused(&["taken", "cannot be written"]);
 }
 
 #[test]
@@ -613,7 +613,7 @@ fn synth_refuses_what_cannot_be_rendered() {
         ("translation --bits 12", &["'12'", "8, 16, float"]),
     ] {
         let size = if line.contains("--size") { "" } else { "--size 48x48" };
-        let ran = desk.run(&format!("synth {line} {size} --output out"));
+        let ran = desk.run(&format!("make images {line} {size} --output out"));
         ran.refused(wanted);
     }
 }

@@ -566,7 +566,7 @@ fn the_exit_status_is_0_when_all_converged_1_when_some_did_not_and_2_when_nothin
 #[test]
 fn a_frame_that_shows_something_else_is_called_diverged_and_the_next_one_is_measured() {
     let desk = Desk::with_series();
-    desk.run("synth translation --seed 99 --size 128x96 --output other").fine();
+    desk.run("make images translation --seed 99 --size 128x96 --output other").fine();
     let ran = desk.correlate(&format!("{INSIDE} --output out ref.png a.png other/000000.tif b.png")).incomplete();
     assert_eq!(ran.statuses("out"), ["converged", "diverged", "converged"]);
     assert!(ran.stderr.contains("frame 2 (other/000000.tif): diverged"), "{ran}");
@@ -577,7 +577,7 @@ fn a_frame_that_shows_something_else_is_called_diverged_and_the_next_one_is_meas
 #[test]
 fn every_command_explains_itself_with_an_example() {
     let desk = Desk::new();
-    for command in ["correlate", "synth", "demo", "schema"] {
+    for command in ["correlate", "make images", "demo", "about"] {
         let ran = desk.run(&format!("{command} --help"));
         assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""), "{ran}");
         let example = ran.stdout.find("Example").map(|at| &ran.stdout[at..]).unwrap_or_default();
@@ -664,7 +664,7 @@ fn a_new_run_that_fails_leaves_the_old_results_as_they_are() {
 fn synth_writes_images_exact_displacements_and_what_was_chosen_for_every_field() {
     let desk = Desk::new();
     for field in ["translation", "rotation", "affine", "sinusoids", "accuracy", "star", "peel"] {
-        desk.run(&format!("synth {field} --size 96x64 --frames 2 --grid 8 --seed 5 --output {field}")).fine();
+        desk.run(&format!("make images {field} --size 96x64 --frames 2 --grid 8 --seed 5 --output {field}")).fine();
         let wanted = ["000000.tif", "000001.tif", "000002.tif", "exact/000001.csv", "exact/000002.csv", "synth.json"];
         assert_eq!(desk.files(field), wanted, "{field}");
         let about = desk.json(&format!("{field}/synth.json"));
@@ -682,7 +682,7 @@ fn synth_writes_images_exact_displacements_and_what_was_chosen_for_every_field()
     }
     // The same seed gives the same reference, whatever moves; another seed another one.
     assert_eq!(desk.bytes("affine/000000.tif"), desk.bytes("star/000000.tif"));
-    desk.run("synth affine --size 96x64 --seed 6 --output other").fine();
+    desk.run("make images affine --size 96x64 --seed 6 --output other").fine();
     assert_ne!(desk.bytes("affine/000000.tif"), desk.bytes("other/000000.tif"));
 }
 
@@ -692,31 +692,31 @@ fn synth_writes_the_depth_and_the_noise_that_are_asked_for() {
     let image =
         |folder: &str, frame: usize| read_image(&desk.path(&format!("{folder}/{frame:06}.tif")), 0).unwrap().image;
     for (bits, depth, full) in [("8", "8 bit", 255.0), ("16", "16 bit", 65535.0), ("float", "32-bit float", 255.0)] {
-        desk.run(&format!("synth translation --size 64x64 --bits {bits} --output b{bits}")).fine();
+        desk.run(&format!("make images translation --size 64x64 --bits {bits} --output b{bits}")).fine();
         let image = image(&format!("b{bits}"), 1);
         assert_eq!(image.pixels().depth(), depth);
         let (low, high) = image.range();
         assert!(low >= 0.0 && high > 0.5 * full && high <= full, "{bits}: {low} to {high}");
     }
-    desk.run("synth translation --size 64x64 --bits float --noise 3 --output noisy").fine();
+    desk.run("make images translation --size 64x64 --bits float --noise 3 --output noisy").fine();
     let (clean, noisy) = (image("bfloat", 1), image("noisy", 1));
     let squares = (0..64 * 64).map(|at| f64::from(clean.grey(at % 64, at / 64) - noisy.grey(at % 64, at / 64)).powi(2));
     let noise = (squares.sum::<f64>() / 4096.0).sqrt();
     assert!((noise - 3.0).abs() < 0.2, "{noise}"); // 4096 samples: 1.1 % of scatter
     // The same seed gives the same noise.
-    desk.run("synth translation --size 64x64 --bits float --noise 3 --output same").fine();
+    desk.run("make images translation --size 64x64 --bits float --noise 3 --output same").fine();
     assert_eq!(desk.bytes("noisy/000001.tif"), desk.bytes("same/000001.tif"));
 }
 
 #[test]
 fn a_series_of_synth_is_replaced_as_a_whole_and_only_when_that_is_asked_for() {
     let desk = Desk::new();
-    desk.run("synth translation --size 64x64 --frames 4 --output series").fine();
+    desk.run("make images translation --size 64x64 --frames 4 --output series").fine();
     desk.write("series/notes.txt", "mine");
     let before = desk.bytes("series/000001.tif");
-    desk.run("synth translation --size 64x64 --seed 2 --output series").refused(&["series", "--overwrite"]);
+    desk.run("make images translation --size 64x64 --seed 2 --output series").refused(&["series", "--overwrite"]);
     assert_eq!(desk.bytes("series/000001.tif"), before);
-    desk.run("synth translation --size 64x64 --seed 2 --frames 2 --overwrite --output series").fine();
+    desk.run("make images translation --size 64x64 --seed 2 --frames 2 --overwrite --output series").fine();
     // No frame of the longer series is left for a glob to take along.
     let wanted =
         ["000000.tif", "000001.tif", "000002.tif", "exact/000001.csv", "exact/000002.csv", "notes.txt", "synth.json"];
@@ -760,7 +760,7 @@ fn correlate_finds_the_exact_displacement_that_synth_wrote() {
         ("af", "affine --gradient 0.02,0,0.01,-0.01 --bits float", exactly),
         ("rf", "rotation --degrees 2 --bits float", exactly),
     ] {
-        desk.run(&format!("synth {synth} --size 160x128 --frames 2 --output {name}")).fine();
+        desk.run(&format!("make images {synth} --size 160x128 --frames 2 --output {name}")).fine();
         desk.correlate(&format!("--roi 16,16,144,112 --output {name}/out {name}/*.tif")).fine();
         for frame in ["000001.csv", "000002.csv"] {
             let exact = exact(&desk, &format!("{name}/exact/{frame}"));
@@ -790,7 +790,7 @@ fn correlate_finds_the_exact_displacement_that_synth_wrote() {
 #[test]
 fn two_strips_of_an_opening_joint_are_followed_on_either_side() {
     let desk = Desk::new();
-    desk.run("synth peel --size 256x160 --frames 4 --opening 8 --slide 1 --bits float --output peel").fine();
+    desk.run("make images peel --size 256x160 --frames 4 --opening 8 --slide 1 --bits float --output peel").fine();
     desk.correlate("--roi 16,10,240,60 --roi 16,100,240,150 --output out peel/*.tif").fine();
     let peel = Peel { opening_px: 8.0, slide_px: 1.0, ..Peel::new(256, 160) };
     for frame in 1..=4 {

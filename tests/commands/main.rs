@@ -29,5 +29,4 @@ mod update_cli;
 mod view;
 mod watch;
 #[cfg(unix)]
-mod web;
 mod words;

@@ -32,9 +32,8 @@ fn run(case: &Path, output: &Path) -> (Option<i32>, String) {
 /// A virtual test, made and run once; tests that change something work on a copy.
 fn made() -> PathBuf {
     shared::folder("joint", |folder| {
-        assert!(
-            quadrille(&["virtual", "--seed", "11", "--output", folder.join("test").to_str().unwrap()]).status.success()
-        );
+        let words = ["make", "virtual-test", "--seed", "11", "--output", folder.join("test").to_str().unwrap()];
+        assert!(quadrille(&words).status.success());
         let (code, said) = run(&folder.join("test/case.toml"), &folder.join("test/run"));
         assert_eq!(code, Some(0), "{said}");
     })

@@ -404,7 +404,7 @@ figures = []
 fn a_page_that_goes_on_with_a_case_file_changes_nothing_in_it_but_what_is_changed_there() {
     let desk = Desk::with_series();
     desk.write("mine.toml", RICH);
-    desk.run("draw ref.png a.png b.png --case mine.toml").fine();
+    desk.run("make page ref.png a.png b.png --case mine.toml").fine();
     let Some(said) = seen(&desk.path(""), EDITED) else { return };
     let said: serde_json::Value =
         serde_json::from_str(&said.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")).unwrap();
@@ -447,21 +447,21 @@ fn a_page_that_goes_on_with_a_case_file_changes_nothing_in_it_but_what_is_change
     }
     // What a page cannot keep is named; so is the folder of names that are meant from elsewhere.
     desk.write("far/odd.toml", RICH.replace("noise = 1.5", "noise = inf"));
-    desk.run("draw ref.png --case far/odd.toml").fine();
+    desk.run("make page ref.png --case far/odd.toml").fine();
     let Some(back) = seen(&desk.path(""), &AGAIN.replace("WIDTH", "1280")) else { return };
     assert!(back.contains("does not have these of the case file that was read: [correlation] noise"), "{back}");
     assert!(back.contains("far: file names in it are relative to that folder"), "{back}");
     assert!(back.contains(r#"deformed = [\"a.png\", \"b.png\"]"#), "{back}");
-    desk.run("draw ref.png a.png --case none.toml").refused(&["none.toml: cannot be read"]);
+    desk.run("make page ref.png a.png --case none.toml").refused(&["none.toml: cannot be read"]);
     desk.write("wrong.toml", "[images]\nreferenc = 1\n");
-    desk.run("draw ref.png a.png --case wrong.toml").refused(&["wrong.toml", "referenc"]);
+    desk.run("make page ref.png a.png --case wrong.toml").refused(&["wrong.toml", "referenc"]);
 }
 
 #[test]
 fn what_is_drawn_on_the_image_is_a_case_file_that_the_command_measures_by() {
     let desk = Desk::with_series();
     for (width, kind) in [("1280", "mouse"), ("400", "touch")] {
-        let made = desk.run("draw ref.png a.png b.png").fine();
+        let made = desk.run("make page ref.png a.png b.png").fine();
         assert!(made.stderr.contains("draw.html: open it in a browser"), "{made}");
         let look = DRAW.replace("WIDTH", width).replace("KIND", kind);
         let Some(said) = seen(&desk.path(""), &look) else { return };
@@ -492,7 +492,7 @@ fn what_is_drawn_on_the_image_is_a_case_file_that_the_command_measures_by() {
         // stroke, 12 px wide, runs along y = 28 from x = 20 to 60 over six of them, then up to 14 over two more.
         assert_eq!(elements(&bare.join("\n")) - elements(case), 8 + 6 + 2, "{case}");
         // The case file drawn again says the same, but for the scale, whose line is not in it.
-        let again = desk.run("draw ref.png a.png b.png --case case.toml").fine();
+        let again = desk.run("make page ref.png a.png b.png --case case.toml").fine();
         assert!(again.stderr.contains("draw.html"), "{again}");
         let look = AGAIN.replace("WIDTH", width);
         let Some(back) = seen(&desk.path(""), &look) else { return };
@@ -515,12 +515,12 @@ fn what_is_drawn_on_the_image_is_a_case_file_that_the_command_measures_by() {
 #[test]
 fn a_page_to_draw_on_names_what_cannot_be_read() {
     let desk = Desk::with_series();
-    desk.run("draw nothing.png").refused(&["nothing.png"]);
+    desk.run("make page nothing.png").refused(&["nothing.png"]);
     desk.write("text.png", "no image");
-    desk.run("draw text.png").refused(&["text.png"]);
-    desk.run("draw ref.png --output no/folder/draw.html").refused(&["no/folder/draw.html: cannot be written"]);
+    desk.run("make page text.png").refused(&["text.png"]);
+    desk.run("make page ref.png --output no/folder/draw.html").refused(&["no/folder/draw.html: cannot be written"]);
     // Of one glob the first image is the reference.
-    desk.run_words(&["draw", "?.png", "--output", "glob.html"]).fine();
+    desk.run_words(&["make", "page", "?.png", "--output", "glob.html"]).fine();
     let page = desk.read("glob.html");
     assert!(
         page.contains(r#""deformed":["?.png"]"#)
@@ -567,7 +567,7 @@ f.onload = () => {
 fn a_joint_drawn_between_two_zones_is_a_case_of_run() {
     let desk = Desk::with_series();
     for width in ["1280", "400"] {
-        desk.run("draw ref.png a.png b.png").fine();
+        desk.run("make page ref.png a.png b.png").fine();
         let Some(said) = seen(&desk.path(""), &JOINT.replace("WIDTH", width)) else { return };
         let said: serde_json::Value = serde_json::from_str(&said.replace("&lt;", "<").replace("&amp;", "&")).unwrap();
         assert!(said.get("error").is_none() && said["alone"] == true && said["notes"] == "", "{said}");

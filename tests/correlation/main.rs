@@ -33,6 +33,5 @@ mod strain_gauges;
 mod strain_window;
 mod synth;
 mod uncertainty;
-mod web;
 mod which_reference;
 mod zones;

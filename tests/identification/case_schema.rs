@@ -314,7 +314,7 @@ fn the_reference_of_keys_is_the_one_in_the_documents() {
     let line = there.lines().zip(wanted.lines()).position(|(there, wanted)| there != wanted);
     assert!(
         there == wanted,
-        "docs/case.md is not what the schema says (line {:?}); write it: quadrille schema --reference > docs/case.md",
+        "docs/case.md is not what the schema says (line {:?}); write it: quadrille about case > docs/case.md",
         line.map(|line| line + 1)
     );
 }
@@ -326,12 +326,12 @@ fn the_program_writes_the_schema() {
         assert!(done.status.success() && done.stderr.is_empty());
         String::from_utf8(done.stdout).unwrap()
     };
-    let schema: Value = serde_json::from_str(&run(&["schema"])).unwrap();
+    let schema: Value = serde_json::from_str(&run(&["about", "schema"])).unwrap();
     assert_eq!(schema, case_schema(&case_laws()));
     assert_eq!(schema["$schema"], "https://json-schema.org/draft/2020-12/schema");
     let roi = &schema["properties"]["zone"]["items"]["properties"]["roi"];
     assert!(roi["description"].as_str().unwrap().contains("px") && roi["minItems"] == 4, "{roi}");
     let e = &schema["properties"]["substrate"]["additionalProperties"]["properties"]["E_MPa"];
     assert!(e["description"].as_str().unwrap().contains("MPa"), "{e}");
-    assert_eq!(run(&["schema", "--reference"]), case_reference(&case_laws()));
+    assert_eq!(run(&["about", "case"]), case_reference(&case_laws()));
 }

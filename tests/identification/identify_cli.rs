@@ -1,4 +1,4 @@
-//! `quadrille identify` and `quadrille sweep` as a user meets them: files, exit statuses, a clear line for wrong input.
+//! `quadrille identify`, also with `--sweep`, as a user meets them: files, exit statuses, a clear line for wrong input.
 
 #![cfg(feature = "cli")]
 
@@ -138,7 +138,7 @@ fn a_fit_that_does_not_converge_exits_1_with_its_best_point() {
 #[test]
 fn a_sweep_gives_one_row_for_each_value() {
     let folder = folder(&format!("{JOINT}{MEASUREMENT}{FIT}[fit.sweep]\nr = [3, 4]\n"), &tables().1);
-    let (status, said) = run("sweep", folder.path(), &[]);
+    let (status, said) = run("identify", folder.path(), &["--sweep"]);
     assert_eq!(status, Some(0), "{said}");
     let sweep = json(folder.path().join("out/sweep.json"));
     let rows = sweep["rows"].as_array().unwrap();
@@ -146,8 +146,18 @@ fn a_sweep_gives_one_row_for_each_value() {
     assert!((rows[1]["parameters"]["phi_n"]["value"].as_f64().unwrap() - 1.0).abs() < 1e-9);
     assert!(rows[0]["omega"].as_f64().unwrap() > rows[1]["omega"].as_f64().unwrap());
     assert!(folder.path().join("out/sweep.csv").is_file() && folder.path().join("out/figures/sweep.png").is_file());
-    let (status, said) = run("sweep", folder.path(), &["--overwrite", "--parameter", "phi_n", "--values", "1"]);
+    let (status, said) = run("identify", folder.path(), &["--overwrite", "--sweep", "phi_n=1"]);
     assert!(status == Some(2) && said.contains("phi_n is fitted"), "{said}");
+    // What is none, two wishes at once, and a case that is taken for a value.
+    for (wrong, wanted) in [
+        (vec!["--sweep", "r=3;4"], "'3;4' is not a number"),
+        (vec!["--sweep", "--tournament"], "cannot be used with"),
+        (vec!["--sweep", "joint.toml"], "the case file stands before --sweep"),
+        (vec!["--tournament", "joint.toml"], "the case file stands before --tournament"),
+    ] {
+        let (status, said) = run("identify", folder.path(), &wrong);
+        assert!(status == Some(2) && said.contains(wanted), "{said}");
+    }
 }
 
 #[test]

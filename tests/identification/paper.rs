@@ -1,4 +1,4 @@
-//! The paper done again: what `quadrille paper` has to find, small.
+//! The paper done again: what `quadrille make paper` has to find, small.
 
 #![cfg(feature = "cli")]
 
@@ -86,7 +86,7 @@ fn the_command_writes_tables_and_figures_and_refuses_to_replace_them_unasked() {
     let output = folder.path().join("paper");
     let run = |seeds: &str| {
         Command::new(env!("CARGO_BIN_EXE_quadrille"))
-            .args(["paper", "--seeds", seeds, "--output"])
+            .args(["make", "paper", "--seeds", seeds, "--output"])
             .arg(&output)
             .output()
             .unwrap()

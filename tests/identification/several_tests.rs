@@ -441,7 +441,7 @@ fn what_cannot_be_fitted_together_is_said_with_the_test_that_is_to_blame() {
     );
     refused(
         &of_all.replace("\"r\"]", "\"r\"]\nlaws = [\"bilinear-power\", \"smith-ferrante\"]"),
-        &["all.toml, line", "laws are compared on one test", "quadrille tournament"],
+        &["all.toml, line", "laws are compared on one test", "quadrille identify --tournament"],
     );
     refused(&of_all.replace("\"r\"]", "\"r\"]\nshared = [\"F\"]"), &["shared names \"F\"", "E"]);
     refused(&format!("{of_all}[mesh]\nfile = \"m.json\"\n"), &["[mesh] is each test's own"]);
@@ -537,9 +537,10 @@ fn the_program_says_what_each_test_tells_and_writes_what_belongs_to_all_and_to_e
         (Some(0), String::new())
     );
     assert_eq!(json(&out), fit);
-    for command in ["simulate", "sweep", "run"] {
-        let (status, said) = quadrille(&[command, case, "--output", folder.path().join("x").to_str().unwrap()]);
-        assert!(status == Some(2) && said.contains("[[test]] names several tests"), "{command}: {said}");
+    let x = folder.path().join("x");
+    for words in [vec!["simulate", case], vec!["identify", case, "--sweep"], vec!["run", case]] {
+        let (status, said) = quadrille(&[words.as_slice(), &["--output", x.to_str().unwrap()]].concat());
+        assert!(status == Some(2) && said.contains("[[test]] names several tests"), "{words:?}: {said}");
     }
 }
 

@@ -30,7 +30,7 @@ fn folder() -> tempfile::TempDir {
 fn run(folder: &Path, more: &[&str]) -> (Option<i32>, String) {
     let (case, out) = (folder.join("case.toml"), folder.join("out"));
     let output = Command::new(env!("CARGO_BIN_EXE_quadrille"))
-        .args(["sweep", case.to_str().unwrap(), "--overwrite", "--output", out.to_str().unwrap()])
+        .args(["identify", case.to_str().unwrap(), "--overwrite", "--output", out.to_str().unwrap()])
         .args(more)
         .output()
         .expect("the program runs");
@@ -84,7 +84,7 @@ fn the_program_writes_what_the_limit_left_time_for_and_exits_1() {
     let values: Vec<String> = (0..20_000).map(|k| format!("{}", 4.0 + 1e-5 * f64::from(k))).collect();
     let case = format!("{CASE}[fit.sweep]\nr = [{}]\n", values.join(", "));
     std::fs::write(folder.path().join("case.toml"), case).unwrap();
-    let (status, said) = run(folder.path(), &["--max-seconds", "3", "--threads", "1"]);
+    let (status, said) = run(folder.path(), &["--sweep", "--max-seconds", "3", "--threads", "1"]);
     assert_eq!(status, Some(1), "{said}");
     assert!(said.contains("the limit of 3 s (max_seconds) was reached") && said.contains("not fitted: r = "), "{said}");
     let sweep: Value =
@@ -98,6 +98,6 @@ fn the_program_writes_what_the_limit_left_time_for_and_exits_1() {
     assert!(folder.path().join("out/figures/sweep.png").is_file());
     // A limit that is over before anything was found leaves nothing to show, as of a fit.
     std::fs::write(folder.path().join("case.toml"), CASE.replace("[fit]\n", "[fit]\nmax_seconds = 1e-9\n")).unwrap();
-    let (status, said) = run(folder.path(), &["--values", "3,4"]);
+    let (status, said) = run(folder.path(), &["--sweep", "r=3,4"]);
     assert!(status == Some(2) && said.contains("max_seconds") && said.contains("nothing is kept"), "{said}");
 }

@@ -387,13 +387,13 @@ fn the_program_writes_what_the_tournament_found() {
     let run = |more: &[&str]| {
         let case = folder.path().join("case.toml");
         let mut command = Command::new(env!("CARGO_BIN_EXE_quadrille"));
-        command.arg("tournament").arg(case).arg("--output").arg(folder.path().join("out")).args(more);
+        command.arg("identify").arg(case).arg("--output").arg(folder.path().join("out")).arg("--tournament").args(more);
         command.output().unwrap()
     };
     let without = run(&[]);
     assert_eq!(without.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&without.stderr).contains("give --laws A,B"), "{without:?}");
-    let done = run(&["--laws", &THREE_LAWS.join(",")]);
+    assert!(String::from_utf8_lossy(&without.stderr).contains("give --tournament A,B"), "{without:?}");
+    let done = run(&[&THREE_LAWS.join(",")]);
     let said = String::from_utf8_lossy(&done.stderr).into_owned();
     println!("{said}");
     assert_eq!(done.status.code(), Some(0), "{said}");
@@ -412,7 +412,7 @@ fn the_program_writes_what_the_tournament_found() {
     let page = std::fs::read_to_string(out.join("tournament.html")).unwrap();
     assert!(page.contains("Law against law") && page.contains("bilinear-power in sliding"));
     assert!(out.join("figures/tournament-opening.png").exists() && out.join("figures/tournament-sliding.svg").exists());
-    assert_eq!(run(&["--laws", "bilinear-power,smith-ferrante"]).status.code(), Some(2), "another run is there");
+    assert_eq!(run(&["bilinear-power,smith-ferrante"]).status.code(), Some(2), "another run is there");
 }
 
 /// The six kinds of laws.

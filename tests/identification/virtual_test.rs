@@ -145,7 +145,7 @@ fn the_command_writes_images_truth_and_a_case_and_seeds_change_the_images_alone(
     let folder = tempfile::tempdir().unwrap();
     let (one, two) = (folder.path().join("one"), folder.path().join("two"));
     let make = |out: &Path, more: &[&str]| {
-        let done = quadrille(&[&["virtual", "--output", out.to_str().unwrap()], more].concat());
+        let done = quadrille(&[&["make", "virtual-test", "--output", out.to_str().unwrap()], more].concat());
         assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     };
     // Fewer instants than the usual 19, which `quadrille demo` has.
@@ -180,7 +180,7 @@ fn the_command_writes_images_truth_and_a_case_and_seeds_change_the_images_alone(
         assert_eq!(std::fs::read(one.join(name)).unwrap(), std::fs::read(again.join(name)).unwrap(), "{name}");
     }
     // Not over another one, unless asked.
-    let refused = quadrille(&["virtual", "--output", one.to_str().unwrap()]);
+    let refused = quadrille(&["make", "virtual-test", "--output", one.to_str().unwrap()]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&refused.stderr).contains("--overwrite"));
 }
@@ -191,7 +191,7 @@ fn the_truth_simulates_to_itself() {
     // largest force.
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("test");
-    assert!(quadrille(&["virtual", "--noise", "0", "--output", out.to_str().unwrap()]).status.success());
+    assert!(quadrille(&["make", "virtual-test", "--noise", "0", "--output", out.to_str().unwrap()]).status.success());
     let [e, nu, sigma_0, alpha, n] = quadrille::virtual_test::ALUMINIUM;
     let case = format!(
         "[mesh]\nfile = \"truth/mesh.json\"\n[boundary]\nfile = \"truth/boundary_displacements.csv\"\n\
@@ -233,7 +233,16 @@ fn the_truth_simulates_to_itself() {
 fn another_law_has_the_same_strengths_moves_the_joint_otherwise_and_the_case_file_does_not_tell() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("test");
-    let done = quadrille(&["virtual", "--law", "bilinear-power", "--instants", "2", "--output", out.to_str().unwrap()]);
+    let done = quadrille(&[
+        "make",
+        "virtual-test",
+        "--law",
+        "bilinear-power",
+        "--instants",
+        "2",
+        "--output",
+        out.to_str().unwrap(),
+    ]);
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let truth = json(&out.join("truth.json"));
     assert_eq!(truth["law"], "bilinear-power");
@@ -256,6 +265,6 @@ fn another_law_has_the_same_strengths_moves_the_joint_otherwise_and_the_case_fil
     let case = std::fs::read_to_string(out.join("case.toml")).unwrap();
     assert!(case.contains("model = \"extended-xu-needleman\"") && !case.contains("bilinear"), "{case}");
     assert!(case.contains("\"delta_t\", \"r\"]") && !case.contains("and with this r"), "{case}");
-    let refused = quadrille(&["virtual", "--law", "linear", "--output", out.to_str().unwrap()]);
+    let refused = quadrille(&["make", "virtual-test", "--law", "linear", "--output", out.to_str().unwrap()]);
     assert!(refused.status.code() == Some(2) && String::from_utf8_lossy(&refused.stderr).contains("trapezoidal-power"));
 }

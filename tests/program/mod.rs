@@ -169,7 +169,7 @@ impl Desk {
         };
         let stdout = said(child.stdout.take().map(|pipe| Box::new(pipe) as _));
         let stderr = said(child.stderr.take().map(|pipe| Box::new(pipe) as _));
-        let of_joint = arguments.first().is_some_and(|command| ["virtual", "run"].contains(command));
+        let of_joint = arguments.first().is_some_and(|command| ["make", "run"].contains(command));
         let patience = if of_joint { PATIENCE_WITH_A_JOINT } else { PATIENCE };
         let begin = Instant::now();
         let code = loop {

@@ -267,34 +267,6 @@ pub struct FiguresArgs {
     pub drawn: Drawn,
 }
 
-/// Arguments of `quadrille draw`.
-#[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
-    Draw on the first image of a folder; the case file is for all of them:\n    \
-    quadrille draw 'folder/*.tif'\n  \
-    A reference of its own, and the page elsewhere:\n    \
-    quadrille draw --output zones.html ref.tif 'frames/*.tif'\n\n\
-    The page is one file, fetches nothing and works without a network. Save its case.toml beside this command, then\n  \
-    quadrille correlate --case case.toml --output out\n\n\
-    Exit status: 0 fine; 2 the image cannot be read, or the page cannot be written.")]
-pub struct DrawArgs {
-    /// The reference image, then the deformed ones: names or globs, as for `quadrille correlate`. With a single glob its first
-    /// image is the reference.
-    #[arg(value_name = "IMAGE", required = true)]
-    pub images: Vec<String>,
-    /// A case file to continue: the page begins with its zones, cracks and gauges.
-    #[arg(long, value_name = "FILE")]
-    pub case: Option<PathBuf>,
-    /// Page of a TIFF file with several pages, from 0.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub page: usize,
-    /// The file.
-    #[arg(short, long, value_name = "FILE", default_value = "draw.html")]
-    pub output: PathBuf,
-    #[command(flatten)]
-    pub talk: Quiet,
-}
-
 /// Arguments of `quadrille view`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \

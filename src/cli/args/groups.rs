@@ -62,7 +62,7 @@ const GROUPS: [(&str, &[&str]); 8] = [
             "cutoff",
         ],
     ),
-    ("Fit", &["laws", "max_seconds", "max_evaluations"]),
+    ("Fit", &["laws", "sweep", "tournament", "max_seconds", "max_evaluations"]),
     ("Quantities", &["point", "line", "step", "extensometer", "width", "opening", "remove_rigid", "curves"]),
     (
         "Output",
@@ -138,7 +138,7 @@ const BRIEF: [(&str, &str); 22] = [
     ("export", "csv,vtu per frame, or none"),
     ("strain", "infinitesimal, green-lagrange, hencky"),
     ("figures", "frames to draw at the end: 1,5-20, last, all"),
-    ("device", "auto, cpu, gpu, or one of `quadrille devices`"),
+    ("device", "auto, cpu, gpu, or part of an adapter's name"),
 ];
 
 /// Options above which the rare ones are left out of the short help.

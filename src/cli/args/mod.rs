@@ -1,27 +1,28 @@
 //! The command line, as the user types it.
 
+mod about;
 mod fields;
 mod groups;
 mod joint;
 mod machine;
+mod make;
 mod reference;
-mod schema;
 mod series;
 mod shared;
-mod shell;
 mod studio;
 mod words;
 
+pub use about::*;
 pub use fields::*;
 pub use groups::{grouped, short_help};
 pub use joint::*;
 pub use machine::*;
+pub use make::*;
 pub use reference::command_reference;
-pub use schema::*;
 pub use series::*;
 pub use shared::*;
-pub use shell::*;
 pub use studio::*;
+pub use words::Prescribed;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use std::ffi::OsString;
@@ -68,47 +69,26 @@ pub enum Command {
     Probe(ProbeArgs),
     /// Draw the fields of a run as PNG or SVG: maps over the image, meshes, profiles along a line.
     Figures(FiguresArgs),
-    /// Make a page on which zones, cracks, gauges and a scale are drawn on the image: it writes the case file.
-    Draw(DrawArgs),
     /// From a folder of images to results in a browser: draw, check, run, look; all of it is kept in a case file.
     Studio(StudioArgs),
     /// Make a page to explore the fields of a run in any browser.
     View(ViewArgs),
-    /// Make speckle images whose displacement is known exactly.
-    Synth(SynthArgs),
     /// From the images of a virtual test to the law of its adhesive, compared with the truth; needs no data.
     Demo(DemoArgs),
     /// Measure noise, texture, uncertainty and resolution on your own image, and recommend an element size.
     Metrology(MetrologyArgs),
-    /// List the devices that can do the pixel work, and which of them would be taken.
-    Devices(DevicesArgs),
     /// Measure what correlation costs on the devices of this machine, side by side.
     Bench(BenchArgs),
     /// Compute the displacements and tractions of a cohesive joint whose border moves as measured.
     Simulate(SimulateArgs),
-    /// Find the parameters of the adhesive's law from measured displacements, with their uncertainty.
+    /// Find the parameters of the adhesive's law from measured displacements, with their uncertainty; compare laws.
     Identify(IdentifyArgs),
-    /// Fit with one parameter prescribed at several values.
-    Sweep(SweepArgs),
-    /// Fit several laws and compare them: which of them the data choose, and what they have in common.
-    Tournament(TournamentArgs),
-    /// Make the virtual test: a computed joint that is pulled apart, its images, and the truth about it.
-    Virtual(VirtualArgs),
-    /// Make the mesh and the case file of a usual test (double cantilever beam, bending, peel, lap), for `simulate`.
-    Specimen(SpecimenArgs),
     /// From images to the law of an adhesive: correlate, identify, report; from one case file.
     Run(RunArgs),
-    /// Write the JSON schema of case files, with which editors complete and check them.
-    Schema(SchemaArgs),
-    /// Repeat the numerical experiments of Fedele, Raka, Hild and Roux (2009): tables and figures.
-    Paper(PaperArgs),
-    /// Write what a shell needs to complete commands and options.
-    Completions(CompletionsArgs),
-    /// Write the pages of `man`, one for each command.
-    Manual(ManualArgs),
-    /// The licences of quadrille and of the work of others that it contains.
-    #[command(visible_alias = "licenses")]
-    Licences,
+    /// Make what a first try needs: speckle images, a virtual test, a specimen, a page to draw zones on, the paper again.
+    Make(MakeArgs),
+    /// About the program: its devices, the keys of case files, all commands, what shells and `man` need, licences.
+    About(AboutArgs),
 }
 
 /// The arguments with `every N` as one: a value of two words, which are told from the images that may follow.

@@ -9,7 +9,7 @@ const EVERYWHERE: [&str; 3] = ["help", "version", "color"];
 
 const HEAD: &str = "# Commands
 
-Every command with its options, as `quadrille COMMAND --help` shows them. This page is made by `quadrille schema --commands`; a test
+Every command with its options, as `quadrille COMMAND --help` shows them. This page is made by `quadrille about commands`; a test
 compares the two. Lists of files may be quoted globs (`'frames/*.tif'`). The same can be said in a case file: [case files](case.md).
 ";
 

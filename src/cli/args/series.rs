@@ -124,7 +124,7 @@ pub struct CorrelateArgs {
     pub guard: Option<f64>,
     /// Cut the mesh along a crack or joint, px: points along it in order, separated by blanks. An end inside a zone stays joined, a
     /// tip: draw it some elements further than the tip reaches. Writes opening, sliding and tips to DIR/quantities. Repeat it for
-    /// several cracks; 'auto' finds them in the residual of the last frames and says their paths. Replaces the cracks of the case file.
+    /// several cracks; 'auto' (experimental) finds them in the residual of the last frames and says their paths. Replaces the cracks of the case file.
     #[arg(long, value_name = "'x,y x,y ...'|auto", value_parser = path, allow_hyphen_values = true)]
     pub crack: Vec<CrackPath>,
     /// Leave out the pixels that lie this close to a crack, px. Default 3.
@@ -147,7 +147,7 @@ pub struct CorrelateArgs {
     /// Side of the square elements, px (4 to 128). Smaller: finer detail and more noise. Default 16.
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub element_size: Option<i64>,
-    /// Displacement between the nodes: bilinear in each element, or cubic-spline, smooth over all of them (knots one element size
+    /// Displacement between the nodes: bilinear in each element, or cubic-spline (experimental), smooth over all of them (knots one element size
     /// apart, nodes half as far). Default bilinear.
     #[arg(long, value_name = "bilinear|cubic-spline")]
     pub elements: Option<Elements>,
@@ -227,7 +227,7 @@ pub struct CorrelateArgs {
     #[arg(long)]
     pub no_report: bool,
     /// Where the pixel work is done: `auto` (a discrete GPU for 200 megapixels of frames or more, else the CPU), `cpu`, `gpu`
-    /// (also an integrated or a software one), or an adapter by its number or part of its name, as `quadrille devices` lists them.
+    /// (also an integrated or a software one), or an adapter by its number or part of its name, as `quadrille about devices` lists them.
     #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
     pub device: DeviceChoice,
     /// Use a graphics device even if it computes other numbers than the CPU, and check none of its frames.

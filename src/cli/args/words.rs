@@ -73,6 +73,31 @@ pub(super) fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     values.try_into().map_err(|_| format!("'{text}' has {n} numbers instead of {N}"))
 }
 
+/// A parameter that is prescribed, and its values.
+#[derive(Debug, Clone)]
+pub struct Prescribed {
+    pub name: String,
+    pub values: Vec<f64>,
+}
+
+/// `r=3,4,5,6`.
+pub(super) fn sweep(text: &str) -> Result<Prescribed, String> {
+    let (name, values) =
+        text.split_once('=').ok_or("write NAME=X,X,..., such as r=3,4,5,6; the case file stands before --sweep")?;
+    let number = |word: &str| word.trim().parse().map_err(|_| format!("'{word}' is not a number"));
+    Ok(Prescribed { name: name.trim().to_owned(), values: values.split(',').map(number).collect::<Result<_, _>>()? })
+}
+
+/// The name of a law; whether there is one the case says.
+pub(super) fn law(text: &str) -> Result<String, String> {
+    let is_file = text.ends_with(".toml");
+    if is_file {
+        Err("a law is expected; the case file stands before --tournament".into())
+    } else {
+        Ok(text.to_owned())
+    }
+}
+
 pub(super) fn rectangle(text: &str) -> Result<[f64; 4], String> {
     numbers(text)
 }

@@ -133,7 +133,7 @@ impl KernelOptions {
 /// The unit in which gradients of an image are kept as whole 16-bit numbers, whose grey levels have this `range`: the smallest power of two
 /// (which multiplies without loss) of which 32 767 are at least twice the range. At a pixel a spline rises by 1.5 of the range at most (quintic; cubic 1.1); on the border of
 /// an image that is black and white by turns by 2.15 of it, which end at 2. What rounding takes is half a unit, 1/16 000 of the range at most: in 8 bits a hundredth of
-/// what noise of one grey level makes of a gradient. Twin: web/quadrille.js.
+/// what noise of one grey level makes of a gradient.
 fn gradient_unit(range: f32) -> f32 {
     let exponent = (2.0 * f64::from(range) / 32_767.0).log2().ceil();
     // Of an image without contrast, or of grey levels that are no numbers, any will do.
@@ -142,18 +142,17 @@ fn gradient_unit(range: f32) -> f32 {
 
 /// An element of which less than this share of its pixels is inside the deformed image is left out: it
 /// would say too little about its far nodes.
-pub const KEPT_SHARE: f64 = 0.5;
+const KEPT_SHARE: f64 = 0.5;
 /// Of small elements it is so many px of a side, in which one row of pixels more or less does not decide where the node beyond it goes,
-pub const KEPT_PX: f64 = 6.4;
+const KEPT_PX: f64 = 6.4;
 /// but never more than this share.
-pub const KEPT_MOST: f64 = 0.95;
+const KEPT_MOST: f64 = 0.95;
 /// It comes back only with this share more, or whole, so that it does not flicker while the field settles.
-pub const BACK_MORE: f64 = 0.1;
+const BACK_MORE: f64 = 0.1;
 /// One that has been left out so often in a field stays so: a node beside it would go in and out with it for ever.
 pub const STAYS_OUT: u32 = 3;
 
 /// Shares of its pixels that an element of this size, px, must keep inside the deformed image, and get back once it has been left out.
-/// Twin: web/quadrille.js.
 pub fn kept_and_back_share(element_size: f64) -> [f64; 2] {
     let kept = (KEPT_PX / element_size).clamp(KEPT_SHARE, KEPT_MOST);
     [kept, (kept + BACK_MORE).min(1.0)]

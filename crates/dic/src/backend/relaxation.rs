@@ -27,7 +27,7 @@ const FARTHEST: f64 = 0.25;
 const STEPS: usize = 8;
 
 /// Whether the nodes are relaxed in a `step` with `solver` from a start, the first of which is 1 and has no correction before it: those that
-/// are bound to each other move together. Twin: web/quadrille.js.
+/// are bound to each other move together.
 pub(super) fn is_relaxed(step: usize, solver: &Solver) -> bool {
     (2..=STEPS).contains(&step) && solver.subspace().is_none()
 }

@@ -33,8 +33,8 @@ pub struct CaseSupport {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CasePath {
-    /// From instant to instant, jumping where the joint snaps; or along the path of equilibria, whose points are then
-    /// the instants of all results.
+    /// From instant to instant, jumping where the joint snaps; or (experimental) along the path of equilibria, whose
+    /// points are then the instants of all results.
     #[schemars(extend("default" = "instants"))]
     pub control: Option<CasePathControl>,
     /// Of `arc-length`: largest change of a jump between points, relative to the opening that counts as cracked.

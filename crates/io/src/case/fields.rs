@@ -57,7 +57,7 @@ pub struct CaseCorrelation {
     /// Side of the elements, px, 4 to 128.
     #[schemars(extend("default" = 16, "x-flag" = "--element-size"))]
     pub element_size_px: Option<u32>,
-    /// What the displacement is between the nodes: bilinear in each element, or a bicubic spline with knots one element size apart, kept at
+    /// What the displacement is between the nodes: bilinear in each element, or (experimental) a bicubic spline with knots one element size apart, kept at
     /// nodes half as far apart (docs/correlation.md, 2.9.1); on regular meshes, without regularisation.
     #[schemars(extend("default" = "bilinear", "x-flag" = "--elements"))]
     pub elements: Option<Elements>,

@@ -302,9 +302,9 @@ pub struct CaseFit {
     pub max_seconds: Option<f64>,
     /// Also the profile likelihood of this parameter.
     pub profile: Option<String>,
-    /// Also other laws on the same data, compared with each other: names as of `[cohesive] model`, two or more. Those that
+    /// Experimental: also other laws on the same data, compared with each other: names as of `[cohesive] model`, two or more. Those that
     /// `[cohesive]` does not start begin with its strengths and works of separation.
-    #[schemars(extend("x-flag" = "--laws"))]
+    #[schemars(extend("x-flag" = "--tournament"))]
     #[serde(default, skip_serializing_if = "is_default")]
     pub laws: Vec<String>,
     /// Effect of the element size on the 95 % intervals. Default: `included` for a store, `stated` for a table.
@@ -330,7 +330,7 @@ pub struct CaseFit {
     /// Of several tests: constants with one error in all tests, such as `"E"` or `"pixel_size"`. Default: those of the
     /// strips that agree in value and uncertainty.
     pub shared: Option<Vec<String>>,
-    /// Of `quadrille sweep`: a parameter that is not fitted, and its values.
+    /// Of `quadrille identify --sweep`: a parameter that is not fitted, and its values.
     #[serde(default, skip_serializing_if = "is_default")]
     pub sweep: BTreeMap<String, Vec<f64>>,
 }

@@ -139,7 +139,7 @@ pub struct CaseCrack {
     #[serde(default, deserialize_with = "name")]
     pub name: Option<String>,
     /// Points along it in order, px of the reference image. An end inside a zone stays joined: a tip. Draw it some elements beyond the
-    /// place that the tip reaches. Or `"auto"`: found from the residual of the last frames.
+    /// place that the tip reaches. Or `"auto"` (experimental): found from the residual of the last frames.
     #[schemars(extend("x-flag" = "--crack"))]
     pub path: CrackPath,
     /// Pixels nearer to the path are not measured, px: the gap of the open crack is no specimen.

@@ -127,10 +127,10 @@ fn with_laws(schema: &mut Value, laws: &[LawKeys]) -> Value {
 }
 
 const HEAD: &str = "# Case files\n\n\
-<!-- Made by `quadrille schema --reference > docs/case.md`; a test compares. -->\n\n\
+<!-- Made by `quadrille about case > docs/case.md`; a test compares. -->\n\n\
 All commands read the same kind of TOML file. File names in it are relative to its folder, those of flags to the current\n\
 folder. Flags take precedence. An error names file, line, section, key, and the key that may be meant.\n\n\
-`quadrille schema > case.schema.json` writes the JSON schema. An editor that knows TOML (Taplo, Even Better TOML) then\n\
+`quadrille about schema > case.schema.json` writes the JSON schema. An editor that knows TOML (Taplo, Even Better TOML) then\n\
 completes and checks a case file that begins with\n\n\
 ```toml\n#:schema ./case.schema.json\n```\n\n\
 `word`: one of the words that the meaning lists. An empty default: nothing, or what the meaning says.\n";

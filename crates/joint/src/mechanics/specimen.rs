@@ -312,7 +312,7 @@ fn case(kind: SpecimenKind, options: &SpecimenOptions, lever_x: f64, top: f64) -
     let &SpecimenOptions { crack, opening, instants, .. } = options;
     let ramp = |to: f64| format!("{{ to = {to:?}, instants = {instants} }}");
     let mut text = format!(
-        "# {}\n# Made by quadrille specimen {}. Compute it with: quadrille simulate case.toml --output out\n\
+        "# {}\n# Made by quadrille make specimen {}. Compute it with: quadrille simulate case.toml --output out\n\
          # mm, MPa, N per mm of width; x to the right, y up. docs/mechanics.md explains every key.\n\n\
          [mesh]\n# Elements bend too stiffly by half the square of their length over the arm's thickness: a tenth costs 0.5 %.\n\
          file = \"mesh.json\"\n",

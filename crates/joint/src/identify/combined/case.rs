@@ -63,7 +63,7 @@ impl<'a> CombinedCase<'a> {
             return refused("laws", ALONE[2].into());
         }
         if !input.fit.sweep.is_empty() {
-            return refused("sweep", "sweep is for quadrille sweep, which takes one test".into());
+            return refused("sweep", "sweep is for quadrille identify --sweep, which takes one test".into());
         }
         same_law(joints, input)?;
         let mut tests = Vec::with_capacity(joints.len());
@@ -103,7 +103,7 @@ const ALONE: [&str; 3] = [
     "profile: that of several tests is not computed; take it out here, and ask for it in the case of one test, fitted alone",
     "intervals = \"profile\": those of several tests are linear; give \"linear\" or nothing here, and ask for them in the case of one \
      test, fitted alone",
-    "laws: laws are compared on one test; take them out here, and run quadrille tournament on the case of each test",
+    "laws: laws are compared on one test; take them out here, and run quadrille identify --tournament on the case of each test",
 ];
 
 fn in_test(name: &str, error: FitError) -> FitError {
