@@ -1,4 +1,5 @@
-//! `quadrille identify`, of one law or at values of a parameter (`--sweep`): the parameters of the adhesive from measured displacements.
+//! `quadrille identify`, of one law or at values of a parameter (`--sweep`): the parameters of the adhesive from
+//! measured displacements.
 
 use super::args::{IdentifyArgs, Prescribed};
 use super::lines::wrapped;

@@ -12,8 +12,8 @@ use std::path::PathBuf;
     quadrille about schema > case.schema.json\n  \
     quadrille about completions bash > ~/.local/share/bash-completion/completions/quadrille\n  \
     quadrille about manual --output ~/.local/share/man/man1\n\n\
-    An editor that knows TOML (Taplo, Even Better TOML) completes and checks a case file beside case.schema.json whose\n\
-    first line is\n  \
+    An editor that knows TOML (Taplo, Even Better TOML) completes and checks a case file beside case.schema.json\n\
+    whose first line is\n  \
     #:schema ./case.schema.json")]
 pub struct AboutArgs {
     /// What about it.

@@ -191,9 +191,10 @@ pub fn short_help(command: &Command, name: &str) -> String {
     if !commands.is_empty() {
         add("\nCommands:");
     }
+    let width = commands.iter().map(|inner| inner.get_name().len()).max().unwrap_or_default();
     for inner in commands {
         let about = inner.get_about().map(ToString::to_string).unwrap_or_default();
-        add(&wrapped(&format!("  {:<10} {}", inner.get_name(), first_sentence(&about)), 13));
+        add(&wrapped(&format!("  {:<width$} {}", inner.get_name(), first_sentence(&about)), width + 3));
     }
     let shown = |arg: &&&Arg| !(many && RARE.contains(&arg.get_id().as_str()));
     let headings = GROUPS.iter().map(|(heading, _)| Some(*heading));

@@ -112,7 +112,8 @@ pub struct ImagesArgs {
     #[arg(long, default_value_t = 1.0, allow_hyphen_values = true)]
     pub degrees: f64,
     /// du_x/dx, du_x/dy, du_y/dx, du_y/dy.
-    #[arg(long, value_name = "a,b,c,d", value_parser = rectangle, default_value = "0.01,0,0,-0.003", allow_hyphen_values = true)]
+    #[arg(long, value_name = "a,b,c,d", value_parser = rectangle, default_value = "0.01,0,0,-0.003",
+        allow_hyphen_values = true)]
     pub gradient: [f64; 4],
     /// Amplitude, px (default 1; star 0.5).
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
@@ -166,7 +167,8 @@ pub enum VirtualKinematics {
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     quadrille make virtual-test --output test && quadrille run test/case.toml --output test/run\n  \
-    quadrille make virtual-test --law trapezoidal-power --output other       a truth that the law of the case file does not know\n\n\
+    A truth that the law of the case file does not know:\n    \
+    quadrille make virtual-test --law trapezoidal-power --output other\n\n\
     It writes images/NNNNNN.png (000000 is the reference), case.toml, truth.json (parameters, hashes of the images)\n\
     and truth: mesh, displacements, border and tractions of the region that is measured.")]
 pub struct VirtualArgs {
@@ -177,7 +179,8 @@ pub struct VirtualArgs {
     #[arg(long)]
     pub overwrite: bool,
     /// Law of the adhesive, with the strengths and works of separation of the default one.
-    #[arg(long, value_name = "NAME", default_value = ExtendedXuNeedleman::NAME, value_parser = PossibleValuesParser::new(LAW_NAMES))]
+    #[arg(long, value_name = "NAME", default_value = ExtendedXuNeedleman::NAME,
+        value_parser = PossibleValuesParser::new(LAW_NAMES))]
     pub law: String,
     /// Images after the reference; the motion ends at the same place.
     #[arg(long, value_name = "N", default_value_t = 19, allow_negative_numbers = true)]
@@ -283,8 +286,8 @@ pub struct SpecimenArgs {
     quadrille correlate --case case.toml --output out\n\n\
     Exit status: 0 fine; 2 the image cannot be read, or the page cannot be written.")]
 pub struct PageArgs {
-    /// The reference image, then the deformed ones: names or globs, as for `quadrille correlate`. With a single glob its first
-    /// image is the reference.
+    /// The reference image, then the deformed ones: names or globs, as for `quadrille correlate`. With a single glob
+    /// its first image is the reference.
     #[arg(value_name = "IMAGE", required = true)]
     pub images: Vec<String>,
     /// A case file to continue: the page begins with its zones, cracks and gauges.

@@ -85,9 +85,9 @@ pub enum Command {
     Identify(IdentifyArgs),
     /// From images to the law of an adhesive: correlate, identify, report; from one case file.
     Run(RunArgs),
-    /// Make what a first try needs: speckle images, a virtual test, a specimen, a page to draw zones on, the paper again.
+    /// Make something to begin with: speckle images, a virtual test, a specimen, a page to draw zones on; repeat the paper.
     Make(MakeArgs),
-    /// About the program: its devices, the keys of case files, all commands, what shells and `man` need, licences.
+    /// About the program: devices, keys of case files, commands, completions for shells, pages of `man`, licences.
     About(AboutArgs),
 }
 
