@@ -84,6 +84,7 @@ pub mod metrology;
 #[doc(hidden)]
 pub mod paper;
 mod parts;
+pub mod remark;
 #[cfg(feature = "report")]
 pub mod report;
 #[cfg(all(feature = "report", feature = "store"))]
