@@ -4,12 +4,14 @@ use super::args::{SchemaArgs, command_reference};
 use super::{Outcome, Result};
 use crate::io::case::{case_reference, case_schema};
 use crate::mechanics::case_laws;
+use crate::remark::remark_reference;
 use std::io::Write;
 
 /// Runs the command.
 pub(super) fn run(args: &SchemaArgs) -> Result<Outcome> {
     let text = match args {
         SchemaArgs { commands: true, .. } => command_reference(),
+        SchemaArgs { remarks: true, .. } => remark_reference(),
         SchemaArgs { reference: true, .. } => case_reference(&case_laws()),
         _ => format!("{:#}\n", case_schema(&case_laws())),
     };

@@ -15,4 +15,7 @@ pub struct SchemaArgs {
     /// The reference of all commands instead, as Markdown: docs/commands.md.
     #[arg(long, conflicts_with = "reference")]
     pub commands: bool,
+    /// The codes of all remarks instead, as Markdown: docs/remarks.md.
+    #[arg(long, conflicts_with_all = ["reference", "commands"])]
+    pub remarks: bool,
 }
