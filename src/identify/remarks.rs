@@ -27,9 +27,10 @@ pub(super) fn law_unused(note: &str) -> Remark {
 /// Fits of laws that have [minima of their own](crate::mechanics::cohesive::CohesiveLaw::has_own_minima).
 pub(super) fn own_minima(law: &str) -> Remark {
     let text = format!(
-        "fits of {law} end in one of several minima that are nearly as good (corners of the law, parameters that stand for each \
-         other): standard uncertainties, intervals and bands belong to the one found and hold the truth less often than they \
-         say; fit from other values before they are believed (docs/identification.md, \"Law against law\")"
+        "fits of {law} end in one of several minima that are nearly as good (corners of the law, parameters that \
+         stand for each other): standard uncertainties, intervals and bands belong to the one found and hold the \
+         truth less often than they say; fit from other values before they are believed (docs/identification.md, \
+         \"Law against law\")"
     );
     Remark::new(Code::LawOwnMinima, About::Law, text).with("law", law)
 }
@@ -58,7 +59,8 @@ pub(super) fn nodes_lost(n: usize) -> Remark {
 pub(super) fn weights_shifted(left_out: &[usize]) -> Remark {
     let n = left_out.len();
     let text = format!(
-        "instant_weights counts the frames that converged: {n} did not, and the weights behind them are those of earlier entries"
+        "instant_weights counts the frames that converged: {n} did not, and the weights behind them are those of \
+         earlier entries"
     );
     Remark::new(Code::WeightsShifted, About::Frames(left_out.to_vec()), text).with("frames", n)
 }
@@ -79,16 +81,16 @@ pub(super) fn force_unknown(without: Vec<usize>) -> Option<Remark> {
 
 /// The store holds no normal matrix.
 pub(super) fn normal_matrix_missing() -> Remark {
-    let text = "the store holds no normal matrix (the run was regularised, or made by an earlier version): the covariance is \
-                that of an even texture without regularisation";
+    let text = "the store holds no normal matrix (the run was regularised, or made by an earlier version): the \
+                covariance is that of an even texture without regularisation";
     Remark::new(Code::NormalMatrixMissing, About::Run, text)
 }
 
 /// The noise that was stated for a correlation is `ratio` times as large by its residuals.
 pub(super) fn noise_contradicted(ratio: f64) -> Remark {
     let text = format!(
-        "the noise stated for the correlation is contradicted by its residuals, which say {ratio:.2} times as much: the \
-         standard uncertainties of the displacements, and all intervals with them, are wrong by about that factor"
+        "the noise stated for the correlation is contradicted by its residuals, which say {ratio:.2} times as much: \
+         the standard uncertainties of the displacements, and all intervals with them, are wrong by about that factor"
     );
     Remark::new(Code::NoiseContradicted, About::Run, text).with("ratio", ratio)
 }
@@ -98,9 +100,9 @@ pub(super) fn reference_later(run: &JointRun, staged: &[usize], n: usize) -> Opt
     let &first = staged.first()?;
     let (from, reference) = (run.frames[first], run.measured_from[first]);
     let text = format!(
-        "{} of {n} instants, from frame {from} on, were measured from a later reference (frame {reference}): their covariance \
-         is taken to be that of the first reference, with the mean of the standard uncertainties that the store states; \
-         theirs are larger",
+        "{} of {n} instants, from frame {from} on, were measured from a later reference (frame {reference}): their \
+         covariance is taken to be that of the first reference, with the mean of the standard uncertainties that the \
+         store states; theirs are larger",
         staged.len(),
     );
     let remark = Remark::new(Code::ReferenceLater, About::Instants(staged.iter().map(|k| k + 1).collect()), text);
@@ -116,8 +118,8 @@ pub(super) fn reference_later(run: &JointRun, staged: &[usize], n: usize) -> Opt
 /// The direction of the force is not turned with a rigid motion of `rotation_rad`.
 pub(super) fn force_turned(rotation_rad: f64) -> Remark {
     let text = format!(
-        "the rigid motion that is subtracted turns by up to {rotation_rad:.2e} rad, and the force's direction is not turned \
-         with it; give remove_rigid_motion = \"none\""
+        "the rigid motion that is subtracted turns by up to {rotation_rad:.2e} rad, and the force's direction is not \
+         turned with it; give remove_rigid_motion = \"none\""
     );
     Remark::new(Code::ForceTurned, About::Load, text).with("rotation_rad", rotation_rad)
 }
@@ -125,8 +127,8 @@ pub(super) fn force_turned(rotation_rad: f64) -> Remark {
 /// The measured load of `group` has the other sign.
 pub(super) fn force_opposite(group: &str) -> Remark {
     let text = format!(
-        "the measured load of {group} has the opposite sign of the computed one: give [force] direction the other way round, \
-         or another group"
+        "the measured load of {group} has the opposite sign of the computed one: give [force] direction the other way \
+         round, or another group"
     );
     Remark::new(Code::ForceOpposite, About::Load, text).with("group", group)
 }
@@ -134,8 +136,9 @@ pub(super) fn force_opposite(group: &str) -> Remark {
 /// The measured load of `group` is `scale` times the computed one.
 pub(super) fn force_scaled(group: &str, scale: f64, width_mm: f64) -> Remark {
     let text = format!(
-        "the measured load of {group} is {scale:.3} times the computed one in the mean, as if the width were {:.4} mm and not \
-         {width_mm} mm: check width_mm, the unit of the load, and whether the model holds all of the joint that bears it",
+        "the measured load of {group} is {scale:.3} times the computed one in the mean, as if the width were {:.4} mm \
+         and not {width_mm} mm: check width_mm, the unit of the load, and whether the model holds all of the joint \
+         that bears it",
         scale * width_mm
     );
     let remark = Remark::new(Code::ForceScaled, About::Load, text).with("group", group);
@@ -145,8 +148,8 @@ pub(super) fn force_scaled(group: &str, scale: f64, width_mm: f64) -> Remark {
 /// Two scales of the images of a test.
 pub(super) fn scales_differ(test: &str, of_mesh: f64, of_table: f64) -> Remark {
     let text = format!(
-        "its mesh was made with {of_mesh} mm per pixel, its [measurement] says {of_table}; one of them is wrong, and all \
-         lengths with it"
+        "its mesh was made with {of_mesh} mm per pixel, its [measurement] says {of_table}; one of them is wrong, and \
+         all lengths with it"
     );
     let remark = Remark::new(Code::ScalesDiffer, About::Key("pixel_size_mm".to_owned()), text);
     remark.with("mesh_mm_per_px", of_mesh).with("measurement_mm_per_px", of_table).of_test(test)
@@ -159,8 +162,8 @@ fn of_tests(code: Code, [a, b]: [&str; 2], text: String) -> Remark {
 /// Two tests with the same displacements.
 pub(super) fn data_twice(tests: [&str; 2]) -> Remark {
     let text = format!(
-        "tests \"{}\" and \"{}\" hold the same displacements: one measurement counts twice, and what it tells has an uncertainty \
-         that is too small by a factor of up to 1.4; take one away",
+        "tests \"{}\" and \"{}\" hold the same displacements: one measurement counts twice, and what it tells has an \
+         uncertainty that is too small by a factor of up to 1.4; take one away",
         tests[0], tests[1]
     );
     of_tests(Code::DataTwice, tests, text)
@@ -194,7 +197,7 @@ pub(super) fn uncertainties_differ(constant: &str) -> Remark {
     Remark::new(Code::UncertaintiesDiffer, About::Parameter(constant.to_owned()), text)
 }
 
-/// Finite rotations would change parameters, as `change` says; the largest change in standard uncertainties is `largest`.
+/// Finite rotations would change parameters, as `change` says: by up to `largest` standard uncertainties.
 pub(super) fn rotations_matter(change: &str, largest: f64, held: bool) -> Remark {
     let head = if held { "rotations are not quite small" } else { "small rotations do not hold" };
     let text =

@@ -6,8 +6,8 @@ use crate::remark::{About, Code, Remark};
 pub(super) fn rigid_motion_removed(rotation_rad: f64, gap_mm: f64) -> Remark {
     let change_mm = rotation_rad * gap_mm;
     let text = format!(
-        "the overall rigid motion is taken off (rotation up to {rotation_rad:.2e} rad); with kinematics = \"paper\" this \
-         changes the sliding jump by up to {change_mm:.2e} mm"
+        "the overall rigid motion is taken off (rotation up to {rotation_rad:.2e} rad); with kinematics = \"paper\" \
+         this changes the sliding jump by up to {change_mm:.2e} mm"
     );
     let remark = Remark::new(Code::RigidMotionRemoved, About::Joint, text);
     remark.with("rotation_rad", rotation_rad).with("sliding_mm", change_mm)
@@ -25,7 +25,8 @@ pub(super) fn elements_apart(size_mm: f64, opening_mm: f64) -> Remark {
 /// The border moves by more than the joint is large.
 pub(super) fn border_apart(moves_mm: f64, extent_mm: f64) -> Remark {
     let text = format!(
-        "the border moves by up to {moves_mm:.3e} mm, more than the joint's size of {extent_mm:.3e} mm: are all lengths in mm?"
+        "the border moves by up to {moves_mm:.3e} mm, more than the joint's size of {extent_mm:.3e} mm: are all \
+         lengths in mm?"
     );
     Remark::new(Code::LengthsApart, About::Joint, text).with("moves_mm", moves_mm).with("extent_mm", extent_mm)
 }
@@ -34,8 +35,8 @@ pub(super) fn border_apart(moves_mm: f64, extent_mm: f64) -> Remark {
 pub(super) fn border_free(free: &[u32]) -> Option<Remark> {
     let first = free.first()?;
     let text = format!(
-        "{} nodes of the outer border are not prescribed and left free (the first is node {first}); measured displacements of \
-         the whole border, end nodes of the adhesive's faces included, determine the joint better",
+        "{} nodes of the outer border are not prescribed and left free (the first is node {first}); measured \
+         displacements of the whole border, end nodes of the adhesive's faces included, determine the joint better",
         free.len()
     );
     let nodes = free.iter().map(|&node| node as usize).collect();

@@ -27,7 +27,9 @@ impl Severity {
 
 /// Makes the codes of a table: chapters, each with rows of variant, name, severity, title, meaning and remedy.
 macro_rules! codes {
-    ($($chapter:literal { $($code:ident $name:literal $severity:ident $title:literal $meaning:literal $remedy:literal;)* })*) => {
+    ($($chapter:literal {
+        $($code:ident $name:literal $severity:ident $title:literal $meaning:literal $remedy:literal;)*
+    })*) => {
         /// The kinds of remarks.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
         #[non_exhaustive]
@@ -83,7 +85,7 @@ codes! {
             "Look at the picture of the mesh, or name zones with `--roi` or `[[zone]]`.";
         ZonesMatched "zones-matched" Note
             "Meshes of the two strips were matched to each other."
-            "The nodes on the two faces of an adhesive must lie opposite each other. Edges of zones were moved for that."
+            "Nodes on the two faces of an adhesive must lie opposite each other. Edges of zones were moved for that."
             "Check the zones in the report.";
         CrackFound "crack-found" Note
             "A crack was looked for."
@@ -173,7 +175,7 @@ codes! {
             "Enlarge the elements, or average several images of the reference.";
         LightUnsettled "light-unsettled" Warning
             "Changes of brightness and contrast did not settle."
-            "They vary over a zone and did not come to rest with the displacement. Standard uncertainties do not include that."
+            "They vary over a zone and did not settle with the displacement. Standard uncertainties do not include that."
             "Light the specimen more evenly, or leave out the place where it changes.";
         TextureRepeats "texture-repeats" Warning
             "The texture repeats."
@@ -237,7 +239,7 @@ codes! {
             "Move the place, or accept the gap.";
         CrackTip "crack-tip" Note
             "What to know of a crack that was followed."
-            "It is open to the end of its path, its openings were followed node by node, or a stress intensity is missing."
+            "It is open to the end of its path, was followed node by node, or lacks a stress intensity."
             "Read `mark` in cracks.csv. Lengthen the path if the crack is open to its end.";
     }
     "A joint and its model" {
@@ -441,17 +443,30 @@ impl Code {
     }
 }
 
+/// How the page on remarks begins.
+const HEAD: &str = r#"# Remarks
+
+What a run has to say about its results. Every remark has a code, which stays when its words change.
+Files hold remarks under the key `remarks`: `summary.json` (of the run and of each frame or instant), `fit.json` and
+`tournament.json`.
+
+```json
+{"code": "nodes-in-noise", "severity": "warning", "about": {"frames": [2, 4]}, "values": {"nodes": 7}, "text": "..."}
+```
+
+- `severity`: `note` (worth knowing), `warning` (a result may be wrong or worse than it looks), `error` (a result is missing).
+- `about`: what it is about: `"run"`, `{"frames": [2, 4]}`, `{"zone": "left"}`, `{"parameter": "E"}` and so on.
+- `values`: the numbers of the text by name, which ends in the unit. Absent if there are none.
+- `text`: the sentence for people. It may change between versions.
+
+A fit takes over the warnings of its correlation. Of several tests, `values` holds the name of the `test`.
+
+`quadrille schema --remarks` writes this page.
+"#;
+
 /// The page on all codes, as Markdown: `docs/remarks.md`.
 pub fn remark_reference() -> String {
-    let mut page = "# Remarks\n\nWhat a run has to say about its results. Every remark has a code, which stays when its words \
-                    change. Files hold\nremarks under the key `remarks`: `summary.json` (run and frames), `fit.json` and \
-                    `tournament.json`.\n\n```json\n{\"code\": \"nodes-in-noise\", \"severity\": \"warning\", \"about\": {\"frames\": \
-                    [2, 4]}, \"values\": {\"nodes\": 7}, \"text\": \"...\"}\n```\n\n- `severity`: `note` (worth knowing), `warning` \
-                    (a result may be wrong or worse than it looks), `error` (a result is missing).\n- `about`: what it is about: \
-                    `\"run\"`, `{\"frames\": [2, 4]}`, `{\"zone\": \"left\"}`, `{\"parameter\": \"E\"}` and so on.\n- `values`: the \
-                    numbers of the text by name. Absent if there are none.\n- `text`: the sentence for people. It may change \
-                    between versions.\n\nThis page is written by `quadrille schema --remarks`.\n"
-        .to_owned();
+    let mut page = HEAD.to_owned();
     for (chapter, codes) in Code::CHAPTERS {
         page.push_str(&format!("\n## {chapter}\n"));
         for code in *codes {

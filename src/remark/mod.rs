@@ -1,7 +1,7 @@
 //! What a run has to say: remarks with a code, so that programs and tests need not read English.
 //!
-//! Every room makes its remarks in one file. What each code means and what to do about it stands in [`Code`], from which
-//! `docs/remarks.md` is made.
+//! Every room makes its remarks in one file. What each code means and what to do about it stands in [`Code`].
+//! The page `docs/remarks.md` is made from that.
 
 mod code;
 
@@ -14,7 +14,8 @@ use std::collections::BTreeMap;
 ///
 /// ```
 /// use quadrille::remark::{About, Code, Remark, Severity};
-/// let remark = Remark::new(Code::NoiseContradicted, About::Zone("left".into()), "zone left: the noise is larger").with("ratio", 2.5);
+/// let zone = About::Zone("left".into());
+/// let remark = Remark::new(Code::NoiseContradicted, zone, "zone left: the noise is larger").with("ratio", 2.5);
 /// assert_eq!((remark.code.name(), remark.severity), ("noise-contradicted", Severity::Warning));
 /// assert_eq!(remark.number("ratio"), Some(2.5));
 /// ```
@@ -173,7 +174,11 @@ mod tests {
         let text = serde_json::to_string(&remark).unwrap();
         assert_eq!(
             text,
-            r#"{"code":"nodes-in-noise","severity":"warning","about":{"frames":[2,4]},"values":{"file":"a.tif","nodes":7,"share":0.5,"test":"first"},"text":"test \"first\": up to 7 nodes"}"#
+            concat!(
+                r#"{"code":"nodes-in-noise","severity":"warning","about":{"frames":[2,4]},"#,
+                r#""values":{"file":"a.tif","nodes":7,"share":0.5,"test":"first"},"#,
+                r#""text":"test \"first\": up to 7 nodes"}"#
+            )
         );
         assert_eq!(serde_json::from_str::<Remark>(&text).unwrap(), remark);
         assert_eq!(serde_json::to_string(&About::Run).unwrap(), r#""run""#);

@@ -28,8 +28,8 @@ pub fn saturated(about: About, found: Saturation) -> Option<Remark> {
         let share = |n: usize| 100.0 * n as f64 / found.n as f64;
         let (percent, black, white) = (found.percent(), share(found.black), share(found.white));
         let text = format!(
-            "{percent:.1} % of the pixels in the zones are saturated ({black:.1} % at 0, {white:.1} % at {}): they show no \
-             texture; change the exposure, or leave such places out of the zones",
+            "{percent:.1} % of the pixels in the zones are saturated ({black:.1} % at 0, {white:.1} % at {}): they \
+             show no texture; change the exposure, or leave such places out of the zones",
             found.depth.highest()
         );
         let remark = Remark::new(Code::ImageSaturated, about, text);
@@ -73,9 +73,9 @@ fn noise_contradicted(zone: &ZoneResult) -> Option<Remark> {
 fn light_unsettled(zone: &ZoneResult) -> Option<Remark> {
     zone.light.filter(|light| light.unsettled).map(|_| {
         let text = format!(
-            "zone {}: brightness and contrast change over it, and did not come to rest with the displacement; they stayed as \
-             they were found, and standard uncertainties do not know of that: light the specimen more evenly, or leave out \
-             of the zone where it changes",
+            "zone {}: brightness and contrast change over it, and did not come to rest with the displacement; they \
+             stayed as they were found, and standard uncertainties do not know of that: light the specimen more \
+             evenly, or leave out of the zone where it changes",
             zone.name
         );
         Remark::new(Code::LightUnsettled, About::Zone(zone.name.clone()), text)
@@ -86,8 +86,8 @@ fn light_unsettled(zone: &ZoneResult) -> Option<Remark> {
 fn noise_bound(number: usize, n_nodes: usize) -> Option<Remark> {
     (n_nodes > 0).then(|| {
         let text = format!(
-            "around {n_nodes} nodes the gradient of the reference holds little beside noise: their standard uncertainty is a \
-             lower bound; enlarge the elements, or average several images of the reference"
+            "around {n_nodes} nodes the gradient of the reference holds little beside noise: their standard \
+             uncertainty is a lower bound; enlarge the elements, or average several images of the reference"
         );
         Remark::new(Code::NoiseBound, About::Frames(vec![number]), text).with("nodes", n_nodes)
     })

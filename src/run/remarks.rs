@@ -41,8 +41,8 @@ pub(super) fn of_reference(file: &str, note: &str) -> Remark {
 /// A further image of the reference that is shifted by `[x, y]` px against the first.
 pub(super) fn reference_blurred(file: &str, first: &str, [x, y]: [f64; 2]) -> Remark {
     let text = format!(
-        "{file}: moved by about ({x:.2}, {y:.2}) px against {first}: their mean is blurred; take references between which \
-         nothing moves"
+        "{file}: moved by about ({x:.2}, {y:.2}) px against {first}: their mean is blurred; take references between \
+         which nothing moves"
     );
     Remark::new(Code::ReferenceBlurred, About::Reference, text).with("x_px", x).with("y_px", y)
 }
@@ -143,16 +143,17 @@ pub(super) fn of_border(border: &BareBorder) -> Remark {
         true => (
             Code::HoleBare,
             format!(
-                "inside zone '{zone}' nodes are left out along {length_px:.0} px without texture (about ({x:.0}, {y:.0}) px): \
-                 what lies there pulls the nodes beside it, and no guard reaches it; leave the place out of the zone \
-                 (exclude, --mask, or no zone at all, so that it is found), with a guard of 3 px"
+                "inside zone '{zone}' nodes are left out along {length_px:.0} px without texture (about ({x:.0}, \
+                 {y:.0}) px): what lies there pulls the nodes beside it, and no guard reaches it; leave the place out \
+                 of the zone (exclude, --mask, or no zone at all, so that it is found), with a guard of 3 px"
             ),
         ),
         false => (
             Code::BorderBare,
             format!(
-                "zone '{zone}' borders on {length_px:.0} px without texture (about ({x:.0}, {y:.0}) px): what lies beyond is \
-                 mixed into its outermost pixels and pulls the nodes there; leave these out with --guard 3 or guard_px"
+                "zone '{zone}' borders on {length_px:.0} px without texture (about ({x:.0}, {y:.0}) px): what lies \
+                 beyond is mixed into its outermost pixels and pulls the nodes there; leave these out with --guard 3 \
+                 or guard_px"
             ),
         ),
     };
@@ -208,8 +209,8 @@ pub(super) fn figure_missing(instant: usize) -> Remark {
 /// A path goes back at `n` of `of` points, from `first` to `last`.
 pub(super) fn path_goes_back(n: usize, of: usize, [first, last]: [usize; 2]) -> Remark {
     let text = format!(
-        "the path goes back at {n} of its {of} points, between instants {first} and {last}: no test shows it there, it snaps \
-         over them"
+        "the path goes back at {n} of its {of} points, between instants {first} and {last}: no test shows it there, \
+         it snaps over them"
     );
     Remark::new(Code::PathGoesBack, About::Joint, text).with("points", n).with("first", first).with("last", last)
 }
@@ -226,8 +227,8 @@ pub(super) fn path_ended(end: PathEnd, points: usize, at: f64, n_instants: usize
         }
         PathEnd::Points => {
             let text = format!(
-                "the path ends after {points} points at {at:.4} of {n_instants} instants of the case; max_points of [path] \
-                 allows more"
+                "the path ends after {points} points at {at:.4} of {n_instants} instants of the case; max_points of \
+                 [path] allows more"
             );
             ("points", text)
         }

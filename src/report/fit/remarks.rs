@@ -25,8 +25,8 @@ pub(super) fn effects_missing(missing: &[&str]) -> Option<Remark> {
 
 /// The effect of the size of the elements could not be computed.
 pub(super) fn discretisation_missing() -> Remark {
-    let text = "the effect of the element size could not be computed (no finer mesh, or no solution on it): the intervals are \
-                without it";
+    let text = "the effect of the element size could not be computed (no finer mesh, or no solution on it): the \
+                intervals are without it";
     of_fit(Code::EffectMissing, text).with("constants", "element size")
 }
 
@@ -51,7 +51,7 @@ pub(super) fn starts_differ(apart: f64) -> Remark {
     of_fit(Code::StartsDiffer, text).with("apart", apart)
 }
 
-/// What a user should know of the intervals: that linear theory is in doubt, biases, sides without an end, draws that failed.
+/// What a user should know of the intervals: doubts of linear theory, biases, sides without an end.
 pub(super) fn of_intervals(fit: &Fit) -> Vec<Remark> {
     let Some(basis) = fit.intervals.as_ref().filter(|basis| basis.linearity.in_doubt()) else { return Vec::new() };
     let doubts = basis.linearity.doubts.join("; ");
@@ -61,8 +61,8 @@ pub(super) fn of_intervals(fit: &Fit) -> Vec<Remark> {
             format!("intervals are those of the profile likelihood, without the bias that noise makes: {doubts}")
         }
         (IntervalKind::Profile, Some(bootstrap)) => format!(
-            "intervals are those of the profile likelihood, extended by the bias that {} refits of simulated data show ({} failed, \
-             {} on a bound): {doubts}",
+            "intervals are those of the profile likelihood, extended by the bias that {} refits of simulated data \
+             show ({} failed, {} on a bound): {doubts}",
             bootstrap.draws, bootstrap.failed, bootstrap.on_bound,
         ),
     };
@@ -74,16 +74,16 @@ pub(super) fn of_intervals(fit: &Fit) -> Vec<Remark> {
         {
             let percent = 100.0 * bias / p.value;
             let text = format!(
-                "noise shifts {name} by {percent:+.1} % on average ({bias:+.3e} {unit}); the value is as fitted, its interval \
-                 holds the shift"
+                "noise shifts {name} by {percent:+.1} % on average ({bias:+.3e} {unit}); the value is as fitted, its \
+                 interval holds the shift"
             );
             found.push(of_parameter(Code::NoiseBiases, p, text).with("bias_percent", percent));
         }
         for (end, side) in p.ends95.iter().zip(["lower", "upper"]) {
             if end.is_none() && p.std.is_some() {
                 let text = format!(
-                    "the 95 % interval of {name} has no {side} end: the objective does not rise enough within the bounds and a \
-                     factor of 20, or the model has no solution on the way"
+                    "the 95 % interval of {name} has no {side} end: the objective does not rise enough within the \
+                     bounds and a factor of 20, or the model has no solution on the way"
                 );
                 found.push(of_parameter(Code::IntervalOpen, p, text).with("side", side));
             }
