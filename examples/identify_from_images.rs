@@ -14,6 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Event::Begun { total, before } => println!("{total:?} frames, {before} done before"),
         Event::Frame { summary, .. } => println!("frame {}: {}", summary.number, summary.status.name()),
         Event::Note(line) => println!("{line}"),
+        Event::Remark(remark) => println!("{}", remark.text),
         Event::Identified { fit, .. } => {
             for (name, found) in &fit.parameters {
                 println!("{name} = {} {}, 95 % {:?}", found.value, found.unit, found.ends95);

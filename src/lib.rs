@@ -64,7 +64,7 @@ struct Mechanics;
 
 use quadrille_base::{clock, digest};
 #[doc(inline)]
-pub use quadrille_base::{field, imaging, mesh, units};
+pub use quadrille_base::{field, imaging, mesh, remark, units};
 #[doc(hidden)]
 pub use quadrille_base::{isa, linalg};
 #[doc(inline)]

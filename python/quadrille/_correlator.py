@@ -113,9 +113,9 @@ class Correlator:
         """
         text = case_text(options, zones, cracks)
         self._engine = _quadrille.Correlator(reference, text, mask, device, isa, threads)
-        for note in self._engine.notes():
-            if zones is None and mask is None and note.startswith(("zone", "no zone")) or note.startswith("warning"):
-                warnings.warn(note, stacklevel=2)
+        for remark in self.remarks:
+            if remark["code"] == "zones-found" or remark["severity"] == "warning":
+                warnings.warn(remark["text"], stacklevel=2)
 
     @cached_property
     def positions(self) -> NDArray[np.float64]:
@@ -148,9 +148,9 @@ class Correlator:
         return self._engine.device()
 
     @property
-    def notes(self) -> list[str]:
-        """Remarks on zones, masks and device."""
-        return self._engine.notes()
+    def remarks(self) -> list[dict[str, Any]]:
+        """What there is to say of zones, masks and device: dicts with code, severity, about, values and text."""
+        return self._engine.remarks()
 
     def correlate(self, image: Image) -> Field:
         """Finds the displacement field of ``image``, without any knowledge of the motion.

@@ -35,8 +35,8 @@ class Progress:
             omega = event["omega"]
             value = "no solution" if omega is None else f"omega {omega:.4e}"
             self._line(f"{event['doing']}: {event['evaluation']} forward runs, {event['seconds']:.0f} s; {value}")
-        elif kind == "note" and self._notes:
-            self._say(event["text"])
+        elif kind in ("note", "remark") and self._notes:
+            self._say("warning: " * (event.get("severity") == "warning") + event["text"])
         elif kind in ("finished", "identified", "simulated", "compared"):
             self._close()
 

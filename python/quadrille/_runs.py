@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from ._correlator import Zone
     from ._images import Image
 
-#: What happens in a run: a dict whose key ``event`` is begun (total, before), note (text), frame (the record of summary.json),
-#: finished (frames, seconds), fitting (doing, evaluation, omega, parameters, ...), identified, simulated, compared (folder),
+#: What happens in a run: a dict whose key ``event`` is begun (total, before), note (text), remark (code, severity,
+#: about, values, text), frame (the record of summary.json), finished (frames, seconds), fitting (doing, evaluation, omega, parameters, ...), identified, simulated, compared (folder),
 #: reported (page).
 Event: TypeAlias = dict[str, Any]
 Path_: TypeAlias = "str | os.PathLike[str]"

@@ -3,7 +3,7 @@
 use crate::errors::{raise, raised};
 use crate::field::{field, table};
 use crate::images::{Levels, image_of, mask_of};
-use crate::json::case_of;
+use crate::json::{case_of, record};
 use crate::pool::pool;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
@@ -100,8 +100,8 @@ impl Correlator {
     }
 
     /// What is worth knowing.
-    fn notes(&self) -> Vec<String> {
-        self.prepared.notes.clone()
+    fn remarks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        record(py, &self.prepared.remarks)
     }
 
     /// Rows and columns of the images.

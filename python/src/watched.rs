@@ -73,6 +73,7 @@ fn value_of(event: Event<'_>) -> Option<Value> {
     match event {
         Event::Begun { total, before } => Some(json!({ "event": "begun", "total": total, "before": before })),
         Event::Note(text) => Some(json!({ "event": "note", "text": text })),
+        Event::Remark(remark) => with("remark", serde_json::to_value(remark)),
         Event::Frame { summary, .. } => with("frame", serde_json::to_value(summary)),
         Event::Finished { frames, seconds } => {
             Some(json!({ "event": "finished", "frames": frames.len(), "seconds": seconds }))

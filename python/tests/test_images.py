@@ -125,7 +125,7 @@ def test_the_specimen_is_found_and_a_warning_says_where(reference, deformed):
     framed = np.pad(reference, 40, constant_values=20), np.pad(deformed, 40, constant_values=20)
     with pytest.warns(UserWarning, match="zone found"):
         correlator = quadrille.Correlator(framed[0], device="cpu")
-    assert correlator.zones == ["specimen"] and "drawn" not in correlator.notes[0]
+    assert correlator.zones == ["specimen"] and correlator.remarks[0]["code"] == "zones-found"
     assert correlator.correlate(framed[1]).status == "converged"
 
 

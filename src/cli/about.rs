@@ -4,6 +4,7 @@ use super::args::{About, AboutArgs, Cli, command_reference, grouped};
 use super::{Outcome, Result, devices, plural};
 use crate::io::case::{case_reference, case_schema};
 use crate::mechanics::case_laws;
+use crate::remark::remark_reference;
 use clap::{Command, CommandFactory};
 use std::io::Write;
 use std::path::Path;
@@ -22,6 +23,7 @@ pub(super) fn run(args: &AboutArgs) -> Result<Outcome> {
         About::Schema => format!("{:#}\n", case_schema(&case_laws())).into_bytes(),
         About::Case => case_reference(&case_laws()).into_bytes(),
         About::Commands => command_reference().into_bytes(),
+        About::Remarks => remark_reference().into_bytes(),
         About::Licences => THIRD_PARTY.as_bytes().to_vec(),
         About::Completions { shell } => {
             let mut text = Vec::new();

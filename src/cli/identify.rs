@@ -3,7 +3,7 @@
 
 use super::args::{IdentifyArgs, Prescribed};
 use super::lines::wrapped;
-use super::paint::Paint;
+use super::paint::{Paint, WARNING};
 use super::progress::Progress;
 use super::run::or_stopped;
 use super::talk::Talk;
@@ -102,8 +102,7 @@ fn run_sweep(args: &IdentifyArgs, asked: Option<&Prescribed>) -> Result<Outcome>
     folder.write("sweep.csv", |out| write_sweep(out, name, &rows))?;
     draw_sweep(&folder, name, &rows)?;
     if !args.talk.quiet {
-        joint.doubts.iter().chain(&case.doubts).for_each(|doubt| eprintln!("warning: {doubt}"));
-        case.implausible.iter().for_each(|value| eprintln!("warning: {}", value.text));
+        joint.remarks.iter().chain(&case.remarks).for_each(|remark| eprintln!("{}", Paint::PLAIN.remark(remark)));
         tell(name, &rows, &missing, ended);
         let converged = rows.iter().filter(|row| row.fit.status == FitStatus::Converged).count();
         let total = plural(values.len(), "fit");
@@ -150,7 +149,7 @@ fn tell(name: &str, rows: &[SweepRow], missing: &[f64], ended: Option<Ended>) {
         let more = values.len().saturating_sub(MOST_NAMED);
         if more == 0 { text } else { format!("{text} and {more} more") }
     };
-    let mut text = format!("warning: {}", ended.reason());
+    let mut text = format!("{WARNING}{}", ended.reason());
     if !cut.is_empty() {
         text.push_str(&format!("; the best so far is kept of {name} = {}", list(&cut)));
     }

@@ -2,17 +2,24 @@
 
 use super::args::ColorChoice;
 use crate::field::Status;
+use crate::remark::{Remark, Severity};
 use std::io::IsTerminal;
 
 /// Whether words are coloured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Paint(bool);
 
+/// What stands in front of a warning.
+pub(super) const WARNING: &str = "warning: ";
+
 const GREEN: u8 = 32;
 const YELLOW: u8 = 33;
 const RED: u8 = 31;
 
 impl Paint {
+    /// Without colours.
+    pub const PLAIN: Self = Self(false);
+
     /// For standard error, where statuses are said: as `choice` has it; by itself on a terminal, unless `NO_COLOR` is set.
     pub fn of(choice: ColorChoice) -> Self {
         Self::on(choice, std::io::stderr().is_terminal())
@@ -65,11 +72,11 @@ impl Paint {
         self.with(RED, text)
     }
 
-    /// A line that may begin with `warning:`.
-    pub fn line(self, line: &str) -> String {
-        match line.strip_prefix("warning:") {
-            Some(rest) => format!("{}{rest}", self.doubtful("warning:")),
-            None => line.to_owned(),
+    /// A remark as a line, with a word in front of a warning.
+    pub fn remark(self, remark: &Remark) -> String {
+        match remark.severity {
+            Severity::Warning => format!("{}{}", self.doubtful(WARNING), remark.text),
+            _ => remark.text.clone(),
         }
     }
 }

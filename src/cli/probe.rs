@@ -1,6 +1,7 @@
 //! `quadrille probe`.
 
 use super::args::ProbeArgs;
+use super::paint::Paint;
 use super::{Outcome, Result, plural};
 use crate::field::Curve;
 use crate::io::case::{
@@ -57,7 +58,7 @@ pub(super) fn run(args: &ProbeArgs) -> Result<Outcome> {
         draw_curves(&summary.curves, bound, &output.join(CURVES))?;
     }
     if !args.talk.quiet {
-        summary.notes.iter().for_each(|note| eprintln!("{note}"));
+        summary.remarks.iter().for_each(|remark| eprintln!("{}", Paint::PLAIN.remark(remark)));
         eprintln!("{} probed, tables in {}", plural(n, "frame"), output.join(FOLDER).display());
     }
     let complete = n_fields == n || !args.frames.are_named();

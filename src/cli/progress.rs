@@ -2,11 +2,12 @@
 
 use super::fitting::Fitting;
 use super::lines::wrapped;
-use super::paint::Paint;
+use super::paint::{Paint, WARNING};
 use super::plural;
 use super::results;
 use super::talk::Talk;
 use crate::field::Status;
+use crate::remark::Remark;
 use crate::report::fit::FitRecord;
 use crate::report::summary::FrameSummary;
 use crate::report::tournament::TournamentRecord;
@@ -33,7 +34,7 @@ pub(super) struct Progress {
     last_line: Instant,
     fitting: Fitting,
     /// What was warned of.
-    warned: Vec<String>,
+    warned: Vec<Remark>,
 }
 
 /// Seconds between two plain lines.
@@ -56,12 +57,12 @@ impl Progress {
     pub fn take(&mut self, event: Event<'_>) {
         match event {
             Event::Begun { total, before } => self.begin(total, before),
-            Event::Note(line) => {
+            Event::Note(line) => self.say(line),
+            Event::Remark(remark) => {
                 // What was warned of before anything ran is found once more by the step that it is about.
-                let warning = line.strip_prefix("warning: ");
-                if warning.is_none_or(|warning| !self.warned.iter().any(|before| before == warning)) {
-                    self.warned.extend(warning.map(str::to_owned));
-                    self.say(line);
+                if !self.warned.contains(remark) {
+                    self.warned.extend(remark.is_warning().then(|| remark.clone()));
+                    self.tell(remark);
                 }
             }
             Event::Frame { summary, busy } => self.frame(summary, busy),
@@ -109,12 +110,20 @@ impl Progress {
         }
     }
 
+    /// A remark; programs are told its code, too.
+    fn tell(&self, remark: &Remark) {
+        match self.talk {
+            Talk::Quiet => {}
+            Talk::Json => eprintln!("{}", json!({ "message": Paint::PLAIN.remark(remark), "code": remark.code })),
+            _ => self.print(&self.paint.remark(remark)),
+        }
+    }
+
     fn print(&self, line: &str) {
         if self.talk == Talk::Json {
             eprintln!("{}", json!({ "message": line }));
             return;
         }
-        let line = self.paint.line(line);
         if self.terminal {
             self.bar.suspend(|| self.fitting.suspend(|| eprintln!("{line}")));
         } else {
@@ -125,11 +134,11 @@ impl Progress {
     /// A fit has ended: what it found, and what was not warned of before.
     fn identified(&self, fit: &FitRecord, folder: &Path) {
         self.fitting.done();
-        let new = fit.warnings.iter().filter(|warning| !self.warned.contains(warning));
+        let new = fit.remarks.iter().filter(|remark| remark.is_warning() && !self.warned.contains(remark));
+        new.for_each(|remark| self.tell(remark));
         match self.talk {
             Talk::Quiet => {}
             Talk::Json => {
-                new.for_each(|warning| self.print(&format!("warning: {warning}")));
                 let values: Map<String, Value> =
                     fit.parameters.iter().map(|(name, p)| (name.to_string(), json!(p.value))).collect();
                 let result = json!({ "result": {
@@ -142,10 +151,7 @@ impl Progress {
                 }});
                 eprintln!("{result}");
             }
-            _ => {
-                new.for_each(|warning| self.print(&format!("warning: {warning}")));
-                results::of_fit(fit, folder, self.paint);
-            }
+            _ => results::of_fit(fit, folder, self.paint),
         }
     }
 
@@ -296,7 +302,7 @@ fn about_marks(frames: &[FrameSummary]) -> Option<String> {
 fn about_ambiguity(frames: &[FrameSummary]) -> Option<String> {
     let with = || frames.iter().filter_map(|frame| Some((frame.number, frame.ambiguity.as_ref()?)));
     let (number, worst) = with().max_by(|a, b| a.1.from_expected_px.total_cmp(&b.1.from_expected_px))?;
-    Some(format!("warning: {} with a texture that repeats; frame {number}: {worst}", plural(with().count(), "frame")))
+    Some(format!("{WARNING}{} with a texture that repeats; frame {number}: {worst}", plural(with().count(), "frame")))
 }
 
 /// One frame in words.
@@ -325,9 +331,9 @@ fn line(frame: &FrameSummary, paint: Paint) -> String {
     if let Some(misfit) = frame.misfit {
         text.push_str(&format!("; {misfit}"));
     }
-    for message in &frame.messages {
+    for remark in &frame.remarks {
         text.push_str("; ");
-        text.push_str(message);
+        text.push_str(&Paint::PLAIN.remark(remark));
     }
     text
 }

@@ -3,6 +3,7 @@
 use super::lines::wrapped;
 use super::paint::Paint;
 use super::plural;
+use crate::remark::Remark;
 use crate::report::ForceRecord;
 use crate::report::fit::{FitRecord, budget_lines, defaults_used};
 use crate::report::joint::JointSummary;
@@ -86,10 +87,11 @@ fn of_tests(json: &FitRecord) {
 
 /// What a user has to know at once.
 pub(super) fn of_joint(summary: &JointSummary, output: &Path) {
-    summary.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    summary.remarks.iter().for_each(|remark| eprintln!("{}", Paint::PLAIN.remark(remark)));
     // Those of the instants grow with the test: the last says it all, summary.json has each.
-    if let Some(worst) = summary.instants.iter().rfind(|instant| !instant.warnings.is_empty()) {
-        worst.warnings.iter().for_each(|warning| eprintln!("warning: instant {}: {warning}", worst.instant));
+    if let Some(worst) = summary.instants.iter().rfind(|instant| !instant.remarks.is_empty()) {
+        let named = |remark: &Remark| remark.clone().after(&format!("instant {}: ", worst.instant));
+        worst.remarks.iter().for_each(|remark| eprintln!("{}", Paint::PLAIN.remark(&named(remark))));
     }
     // Of the instants without a solution the first says why.
     if let Some(message) = summary.instants.iter().find_map(|instant| instant.message.as_ref()) {

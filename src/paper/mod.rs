@@ -190,8 +190,8 @@ fn joint_of(mesh: JointMesh, boundary: BoundaryHistory, law: ExtendedXuNeedleman
         drives: Drives::default(),
     };
     let model = Model::new(mesh, materials, boundary.nodes(), ModelOptions::default())?;
-    let (groups, removed, doubts) = (Vec::new(), Vec::new(), Vec::new());
-    Ok(Joint { model, law: Box::new(law), boundary, measured, groups, removed, doubts })
+    let (groups, removed, remarks) = (Vec::new(), Vec::new(), Vec::new());
+    Ok(Joint { model, law: Box::new(law), boundary, measured, groups, removed, remarks })
 }
 
 /// What the larger joint of `test` does to the outer nodes of `mesh`, whose left edge is at x = 0 and middle at y = 0.

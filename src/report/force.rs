@@ -2,6 +2,7 @@
 
 use super::{Axis, Name, Picture, Plot, PlotSeries, ReportError, Style};
 use crate::identify::{LoadCell, LoadComparison};
+use crate::remark::Remark;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 
@@ -37,9 +38,9 @@ pub struct ForceRecord {
     pub text: String,
     /// The instants that have a force.
     pub points: Vec<ForcePoint>,
-    /// What a user should look at; the warnings have it too.
+    /// What a user should look at; the remarks of the run have it too.
     #[serde(skip)]
-    pub doubt: Option<String>,
+    pub remark: Option<Remark>,
 }
 
 /// The force at an instant.
@@ -74,7 +75,7 @@ impl ForceRecord {
             scale: comparison.scale,
             text: comparison.text(cell),
             points: comparison.points.iter().map(point).collect(),
-            doubt: comparison.doubt(cell),
+            remark: comparison.remark(cell),
         }
     }
 

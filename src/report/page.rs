@@ -4,8 +4,10 @@
 //! their letters are as large as the page's on both; the numbers that they draw stand beside them (`data-series`), for programs and for
 //! the one script of the page, which says those under the pointer. What is [`Interactive`] brings more of it.
 
+use super::words::capital;
 use super::{Picture, Plot, ReportError};
 use crate::digest::sha256;
+use crate::remark::Remark;
 use base64::Engine;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
@@ -121,6 +123,13 @@ pub enum Block {
     Grid(Vec<Block>),
     /// What moves: at most one in a page. Its section is left out on paper and where no script runs.
     Interactive(Interactive),
+}
+
+impl Block {
+    /// A paragraph that must not be missed, in the colour of warnings where the remark is one.
+    pub fn of_remark(remark: &Remark) -> Self {
+        Self::Lead { text: capital(&remark.text), warning: remark.is_warning() }
+    }
 }
 
 /// A part of a page with a script of its own.

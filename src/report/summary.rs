@@ -1,12 +1,13 @@
 //! `summary.json`: what a series of correlations gave, frame by frame.
 
-use super::{Name, number};
+use super::{Name, frame_remarks, number};
 use crate::backend::Traffic;
 use crate::correlate::{
     Ambiguity, Correlation, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault, ZoneResult,
 };
-use crate::field::{Marked, Measurement, Misfit, NOISE_CONTRADICTED, RigidMotion, Status};
+use crate::field::{Marked, Measurement, Misfit, RigidMotion, Status};
 use crate::imaging::{Blank, Saturation};
+use crate::remark::{About, Remark};
 use crate::units::Px;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -46,9 +47,9 @@ pub struct Summary {
     pub nodes_left_out: Vec<NodeWithoutTexture>,
     /// Nodes without texture that a regularisation or splines hold.
     pub nodes_held: Vec<NodeWithoutTexture>,
-    /// What to know about the zones, such as one that ends at a place without texture and has no guard.
+    /// What to know about the series as a whole, its zones and its files.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub messages: Vec<String>,
+    pub remarks: Vec<Remark>,
     /// The frames that have become references, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub reference_updates: Vec<usize>,
@@ -85,65 +86,6 @@ pub struct ReferenceSummary {
     pub range_grey: f64,
 }
 
-/// Share of saturated pixels above which it is said, per cent.
-const SATURATED_PERCENT: f64 = 1.0;
-
-/// What to say about saturated pixels; `None` when they are few.
-pub fn saturation_message(found: Saturation) -> Option<String> {
-    (found.percent() > SATURATED_PERCENT).then(|| {
-        let share = |n: usize| 100.0 * n as f64 / found.n as f64;
-        format!(
-            "{:.1} % of the pixels in the zones are saturated ({:.1} % at 0, {:.1} % at {}): they show no texture; change \
-             the exposure, or leave such places out of the zones",
-            found.percent(),
-            share(found.black),
-            share(found.white),
-            found.depth.highest()
-        )
-    })
-}
-
-/// What to say about a stated noise that the residual of a zone contradicts; `None` where it does not.
-fn contradiction(zone: &ZoneResult) -> Option<String> {
-    let ratio = zone.residual_noise / zone.noise;
-    let [least, most] = NOISE_CONTRADICTED;
-    if !(ratio.is_finite() && (ratio < least || ratio > most)) {
-        return None;
-    }
-    let what = match ratio < least {
-        true => "less than it can be with that noise: standard uncertainties are too large",
-        false => {
-            "more than that noise explains: the noise is larger, or the displacement is not followed, and standard \
-                  uncertainties are too small"
-        }
-    };
-    Some(format!(
-        "warning: zone {}: the noise is stated as {:.3} grey levels, and the residual says {:.3} ({ratio:.2} times), {what}",
-        zone.name, zone.noise, zone.residual_noise
-    ))
-}
-
-/// What to say about light that stayed as it was because it did not settle; `None` where it did.
-fn unsettled_light(zone: &ZoneResult) -> Option<String> {
-    zone.light.filter(|light| light.unsettled).map(|_| {
-        format!(
-            "warning: zone {}: brightness and contrast change over it, and did not come to rest with the displacement; they stayed as they were found, and \
-             standard uncertainties do not know of that: light the specimen more evenly, or leave out of the zone where it changes",
-            zone.name
-        )
-    })
-}
-
-/// What to say about nodes whose standard uncertainty is a lower bound; `None` where there are none.
-fn bound_message(n_nodes: usize) -> Option<String> {
-    (n_nodes > 0).then(|| {
-        format!(
-            "warning: around {n_nodes} nodes the gradient of the reference holds little beside noise: their standard \
-             uncertainty is a lower bound; enlarge the elements, or average several images of the reference"
-        )
-    })
-}
-
 /// A node without texture.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct NodeWithoutTexture {
@@ -177,7 +119,7 @@ pub struct FrameSummary {
     pub status: Status,
     /// What to know about it: why it could not be read, what its file is like, or that tracking lost it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub messages: Vec<String>,
+    pub remarks: Vec<Remark>,
     /// Number of the frame that it was measured from; absent where that is the reference given.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub reference_frame: usize,
@@ -384,14 +326,14 @@ impl From<SmoothLight> for LightSummary {
 }
 
 impl FrameSummary {
-    /// A frame that gave no field.
-    pub fn unreadable(number: usize, file: String, message: String, seconds_decode: f64) -> Self {
+    /// A frame that gave no field, because of `why`.
+    pub fn unreadable(number: usize, file: String, why: String, seconds_decode: f64) -> Self {
         Self {
             number,
             file,
             taken: None,
             status: Status::Unreadable,
-            messages: vec![message],
+            remarks: vec![frame_remarks::unreadable(number, why)],
             reference_frame: 0,
             iterations: 0,
             iterations_coarse: 0,
@@ -428,7 +370,7 @@ impl FrameSummary {
     pub fn of(
         number: usize,
         file: String,
-        messages: Vec<String>,
+        mut remarks: Vec<Remark>,
         reference: &Reference,
         result: &Correlation,
         [seconds, seconds_decode]: [f64; 2],
@@ -437,13 +379,7 @@ impl FrameSummary {
         let field = Some(&result.measurement).filter(|field| field.status.has_field());
         // JSON has no infinity: a number that is none is left out.
         let finite = |v: f64| v.is_finite().then_some(v);
-        let mut messages = messages;
-        if result.measurement.status.has_field() {
-            messages.extend(result.zones.iter().filter_map(contradiction));
-            messages.extend(result.zones.iter().filter_map(unsettled_light));
-            messages.extend(bound_message(result.nodes_at_bound));
-            messages.extend(result.ambiguity.iter().map(|ambiguity| format!("warning: {ambiguity}")));
-        }
+        remarks.extend(frame_remarks::of_result(number, result));
         let zones = result.zones.iter().map(|zone| ZoneSummary {
             name: zone.name.clone(),
             rigid_motion: zone.rigid.map(Into::into),
@@ -460,7 +396,7 @@ impl FrameSummary {
             file,
             taken: None,
             status: result.measurement.status,
-            messages,
+            remarks,
             reference_frame: result.reference_frame,
             iterations: result.iterations,
             iterations_coarse: result.coarse_iterations,
@@ -498,14 +434,15 @@ impl FrameSummary {
     /// The same with the saturation of the deformed image, which is said when it is much.
     pub fn with_saturation(mut self, found: Option<Saturation>) -> Self {
         self.saturated_percent = found.map(Saturation::percent);
-        self.messages.extend(found.and_then(saturation_message));
+        let about = || About::Frames(vec![self.number]);
+        self.remarks.extend(found.and_then(|found| frame_remarks::saturated(about(), found)));
         self
     }
 
     /// The same with what is not there of the deformed image, which is said.
     pub fn with_blank(mut self, found: Option<Blank>) -> Self {
         self.blank = found;
-        self.messages.extend(found.map(|blank| format!("warning: {blank}")));
+        self.remarks.extend(found.map(|blank| frame_remarks::incomplete(self.number, blank)));
         self
     }
 }

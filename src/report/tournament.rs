@@ -8,6 +8,7 @@ use super::{Axis, Name, Picture, Plot, PlotSeries, ReportError, Style, number};
 use crate::identify::{CurveBand, LawFit, Score, Spread, Tournament};
 use crate::io::joint::{JointFileError, write_table};
 use crate::mechanics::cohesive::Jump;
+use crate::remark::Remark;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 use std::path::Path;
@@ -38,7 +39,7 @@ pub struct TournamentRecord {
     /// What is asked for, averaged over the laws that are not rejected; null when all are.
     pub average: Option<AverageRecord>,
     /// What a user should look at.
-    pub warnings: Vec<String>,
+    pub remarks: Vec<Remark>,
 }
 
 /// One law.
@@ -195,7 +196,7 @@ const COLUMNS: [&str; 8] = ["law", "mode", "point", "jump_mm", "traction_MPa", "
 
 impl TournamentReport {
     /// The report of `tournament` on the case file `case`, which took `seconds`.
-    pub fn new(tournament: &Tournament<'_>, case: String, about: String, seconds: f64, warnings: Vec<String>) -> Self {
+    pub fn new(tournament: &Tournament<'_>, case: String, about: String, seconds: f64, remarks: Vec<Remark>) -> Self {
         let name = |k: usize| Name::from(tournament.laws[k].name());
         let best = tournament.best.and_then(|best| tournament.laws[best].score);
         let average = tournament.average.as_ref().map(|average| AverageRecord {
@@ -214,7 +215,7 @@ impl TournamentReport {
             alike: tournament.alike.iter().map(|&k| name(k)).collect(),
             laws: tournament.laws.iter().map(|law| LawRecord::of(law, best)).collect(),
             average,
-            warnings,
+            remarks,
         };
         Self {
             record,
@@ -446,7 +447,7 @@ impl TournamentReport {
             ("time of all fits".to_owned(), format!("{:.2} s", record.seconds)),
         ];
         facts.extend(record.laws.iter().map(|law| (format!("start of {}", law.law), law.start.clone())));
-        facts.extend(record.warnings.iter().map(|warning| ("warning".to_owned(), warning.clone())));
+        facts.extend(record.remarks.iter().map(|remark| (remark.severity.name().to_owned(), remark.text.clone())));
         let about = Section { title: "What was compared".into(), blocks: vec![Block::Facts(facts)] };
         Ok(Page {
             title: "Laws of an adhesive, compared on the same test".into(),

@@ -2,12 +2,14 @@
 
 use super::error::Result;
 use super::plan::Images;
+use super::remarks::{folder_unreadable, frame_late};
 use super::text::{chain, plural};
 use crate::io::case::{CaseFile, parse_case};
 use crate::io::images::Accepted;
 use crate::io::series::{Frame, natural_order};
 use crate::io::store::{STORE, StoreHeader};
 use crate::io::watch::{WatchedFolder, read_whole};
+use crate::remark::Remark;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -32,14 +34,14 @@ pub(super) struct Camera {
     /// When to look again.
     next_look: Instant,
     /// Why the folder could not be listed when it was looked at last.
-    fault: Option<String>,
-    notes: Vec<String>,
+    fault: Option<Remark>,
+    remarks: Vec<Remark>,
 }
 
 impl Camera {
     pub fn new(watched: WatchedFolder, page: usize, accepted: Accepted, timeout: Option<Duration>) -> Self {
-        let (come, notes, next_look) = (VecDeque::new(), Vec::new(), Instant::now());
-        Self { watched, page, accepted, timeout, come, last: None, next_look, fault: None, notes }
+        let (come, remarks, next_look) = (VecDeque::new(), Vec::new(), Instant::now());
+        Self { watched, page, accepted, timeout, come, last: None, next_look, fault: None, remarks }
     }
 
     /// Where it writes.
@@ -124,11 +126,7 @@ impl Camera {
                 self.fault = None;
                 for path in files {
                     match self.last.as_ref().filter(|last| natural_order(&path, last).is_lt()) {
-                        Some(last) => self.notes.push(format!(
-                            "warning: {} came after {}, behind which it stands in the series",
-                            path.display(),
-                            last.display()
-                        )),
+                        Some(last) => self.remarks.push(frame_late(&path, last)),
                         None => self.last = Some(path.clone()),
                     }
                     self.come.push_back(Frame::file(path, self.page));
@@ -136,9 +134,9 @@ impl Camera {
             }
             // A disk of the network may come back.
             Err(error) => {
-                let fault = format!("warning: {} cannot be listed: {error}", self.folder().display());
+                let fault = folder_unreadable(self.folder(), &error);
                 if self.fault.as_ref() != Some(&fault) {
-                    self.notes.push(fault.clone());
+                    self.remarks.push(fault.clone());
                 }
                 self.fault = Some(fault);
             }
@@ -153,13 +151,13 @@ impl Camera {
     }
 
     /// What has been worth saying since the last call.
-    pub fn take_notes(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.notes)
+    pub fn take_remarks(&mut self) -> Vec<Remark> {
+        std::mem::take(&mut self.remarks)
     }
 
     /// What to say at the end, whether a signal or the time-out was that.
-    pub fn ending(&mut self, stopped: bool) -> Vec<String> {
-        let mut lines = self.take_notes();
+    pub fn ending(&self, stopped: bool) -> Vec<String> {
+        let mut lines = Vec::new();
         let folder = self.folder().display();
         let time = self.timeout.unwrap_or_default().as_secs_f64();
         lines.push(if stopped {

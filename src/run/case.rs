@@ -8,6 +8,7 @@ use super::overlay::Overlay;
 use super::page::page;
 use super::plan::Plan;
 use super::rehearsal::rehearse;
+use super::remarks::{report_missing, zones_matched};
 use super::series::run_series;
 use super::session::{Existing, Outcome, Session};
 use super::simulation::simulate;
@@ -86,14 +87,14 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
     }
     // Not after hours of correlation.
     Case::check(&case)?;
-    case.notes.iter().for_each(|note| watcher(Event::Note(note)));
+    case.notes.iter().for_each(|note| watcher(Event::Remark(&zones_matched(note))));
     let asked = Overlay { device: device.clone(), gpu: gpu.clone(), ..Overlay::default() };
     let mut plan = Plan::of(&asked, &case.correlation)?;
     // That of the whole run says the same and more.
     plan.report = false;
     // The faces of the joint carry what is looked for, and the rest of the border is prescribed to the mechanics.
     plan.options.whole_borders = case.interface.zones.to_vec();
-    rehearse(&case, &plan)?.iter().for_each(|warning| watcher(Event::Note(&format!("warning: {warning}"))));
+    rehearse(&case, &plan)?.iter().for_each(|remark| watcher(Event::Remark(remark)));
     let mut steps = Steps::open(output, *overwrite)?;
     let correlation = correlation_in(output);
     let inputs = inputs_of(&plan)?;
@@ -139,7 +140,8 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
 
     let (page, fault) = pool.install(|| page(file, output, &case, &joint_case, &steps))?;
     if let Some(error) = fault {
-        watcher(Event::Note(&format!("warning: {REPORT} has no fields to look around in: {}", chain(&error))));
+        let what = format!("{REPORT} has no fields to look around in");
+        watcher(Event::Remark(&report_missing(&what, &error)));
     }
     RunFolder::open(output, true)?.write(REPORT, |out| std::io::Write::write_all(out, page.as_bytes()))?;
     let left_out = left_out(&correlation)?;

@@ -4,7 +4,7 @@ use super::crack_auto;
 use super::error::{Result, RunError};
 use super::plan::Plan;
 use super::reference::{Reference, about_reference, windows};
-use super::said::{about_grey, about_nodes, bare_border};
+use super::remarks::{of_border, of_grey, of_nodes};
 use super::text::absolute;
 use super::zones::Zones;
 use crate::backend::choice::{Device, DeviceChoice};
@@ -13,6 +13,7 @@ use crate::imaging::Saturation;
 use crate::io::case::CrackPath;
 use crate::mesh::Roi;
 use crate::metrology::{Look, look};
+use crate::remark::Remark;
 use rayon::ThreadPool;
 use std::path::{Component, Path};
 use std::sync::Arc;
@@ -28,8 +29,8 @@ pub struct Checked {
     pub elements: Vec<[u32; 4]>,
     /// Nodes that the reference has too little texture for.
     pub without_texture: Vec<usize>,
-    /// What a run would say of reference and zones; what begins with `warning:` is one.
-    pub notes: Vec<String>,
+    /// What a run would say of reference and zones.
+    pub remarks: Vec<Remark>,
 }
 
 /// A zone of it.
@@ -57,9 +58,9 @@ pub struct CheckedZone {
 pub fn check(plan: &Plan, pool: &ThreadPool) -> Result<Checked> {
     let mut plan = plan.clone();
     plan.drawn.cracks.retain(|crack| crack.path != CrackPath::Auto);
-    let Reference { image, notes, .. } = Reference::of(&plan)?;
+    let Reference { image, mut remarks, .. } = Reference::of(&plan)?;
     // Masks of zones that are found would lie there; nothing is written here.
-    let Zones { mut zones, notes: of_zones, .. } = pool.install(|| Zones::of(&mut plan, &image, Path::new("")))?;
+    let Zones { mut zones, remarks: of_zones, .. } = pool.install(|| Zones::of(&mut plan, &image, Path::new("")))?;
     let image = Arc::new(image);
     pool.install(|| crack_auto::cut(&mut plan, None, &image, &mut zones))?;
     let cpu = Device::new(&DeviceChoice::Cpu, plan.isa, plan.gpu.clone(), 0)?;
@@ -96,21 +97,14 @@ pub fn check(plan: &Plan, pool: &ThreadPool) -> Result<Checked> {
             look,
         }
     };
-    let grey = about_grey(&plan, &image, Saturation::of(&image, &windows(mesh)));
-    // No picture of the zone is drawn yet.
-    let of_zones = of_zones.iter().map(|note| note.split(" (drawn in ").next().unwrap_or_default().to_owned());
-    let borders = reference.bare_borders().iter().map(bare_border);
+    remarks.extend(of_grey(&plan.reference_name(), &image, Saturation::of(&image, &windows(mesh))));
+    remarks.extend(of_zones);
+    remarks.extend(of_nodes(reference).chain(reference.bare_borders().iter().map(of_border)));
     Ok(Checked {
         zones: (0..mesh.zones().len()).map(of_zone).collect(),
         nodes: mesh.nodes().to_vec(),
         elements: mesh.elements().to_vec(),
-        notes: [notes, grey]
-            .concat()
-            .into_iter()
-            .chain(of_zones)
-            .chain(about_nodes(reference))
-            .chain(borders)
-            .collect(),
+        remarks,
         without_texture,
     })
 }

@@ -5,9 +5,10 @@
     expect(clippy::indexing_slicing, reason = "places in lists that are made here, of the frames of one summary")
 )]
 
-use super::text::ranges;
+use super::remarks::{named, named_are};
 use crate::field::Status;
 use crate::io::series::natural_order;
+use crate::remark::{About, Code, Remark};
 use crate::report::summary::{FrameSummary, Summary};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -31,7 +32,7 @@ pub(super) fn about_series(
     summary: &Summary,
     hashes: &BTreeMap<usize, Option<String>>,
     references: &[String],
-) -> Vec<String> {
+) -> Vec<Remark> {
     let mut said = copies(summary, hashes, references);
     said.extend(dropped(&summary.frames.iter().map(|frame| frame.file.as_str()).collect::<Vec<_>>()));
     said.extend(blank(summary));
@@ -45,7 +46,7 @@ pub(super) fn about_series(
 }
 
 /// Frames that are the same file as the reference or as another, and those that show nothing new.
-fn copies(summary: &Summary, hashes: &BTreeMap<usize, Option<String>>, references: &[String]) -> Vec<String> {
+fn copies(summary: &Summary, hashes: &BTreeMap<usize, Option<String>>, references: &[String]) -> Vec<Remark> {
     let mut said = Vec::new();
     let mut numbers: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     // The pages of a stack are of one file.
@@ -68,19 +69,21 @@ fn copies(summary: &Summary, hashes: &BTreeMap<usize, Option<String>>, reference
     same.sort_unstable();
     same.dedup();
     if !same.is_empty() {
-        said.push(format!(
-            "warning: {} the same image as the reference: no displacement, and no noise, is measured there",
-            frames_are(&same)
-        ));
+        let text = format!(
+            "{} the same image as the reference: no displacement, and no noise, is measured there",
+            named_are(&same)
+        );
+        said.push(Remark::new(Code::SameAsReference, About::Frames(same), text));
     }
     for (_, numbers) in numbers.iter().filter(|(hash, numbers)| numbers.len() > 1 && !of_reference(hash)) {
-        said.push(format!("warning: {} copies of the same file", frames_are(numbers)));
+        let text = format!("{} copies of the same file", named_are(numbers));
+        said.push(Remark::new(Code::FramesCopied, About::Frames(numbers.clone()), text));
     }
     said
 }
 
 /// Numbers that the names of a series skip: the camera dropped frames, or they were not copied.
-fn dropped(files: &[&str]) -> Option<String> {
+fn dropped(files: &[&str]) -> Option<Remark> {
     // The last number of a name; a longer one is no count.
     let number = |file: &&str| -> Option<u64> {
         let stem = Path::new(file).file_stem()?.to_str()?;
@@ -99,16 +102,18 @@ fn dropped(files: &[&str]) -> Option<String> {
     let &first = gaps.first().filter(|_| counts)?;
     let missing: u64 = gaps.iter().map(|&k| steps[k] / step - 1).sum();
     let others = if gaps.len() > 1 { format!(", and {} more times", gaps.len() - 1) } else { String::new() };
-    Some(format!(
-        "warning: the numbers in the names of the frames skip {missing}, first between {} and {}{others}: a frame that was \
+    let text = format!(
+        "the numbers in the names of the frames skip {missing}, first between {} and {}{others}: a frame that was \
          dropped shifts the loads and times of those behind it, unless these are given by a column `frame` or by time",
         files[first],
         files[first + 1]
-    ))
+    );
+    let remark = Remark::new(Code::FramesMissing, About::Run, text).with("missing", missing as usize);
+    Some(remark.with("gaps", gaps.len()).with("first_after", files[first]))
 }
 
 /// Frames that stand at another place of the series than the times in their files: as few as there can be.
-fn taken_out_of_order(frames: &[FrameSummary]) -> Option<String> {
+fn taken_out_of_order(frames: &[FrameSummary]) -> Option<Remark> {
     let taken: Vec<(&FrameSummary, &str)> =
         frames.iter().filter_map(|frame| Some((frame, frame.taken.as_deref()?))).collect();
     // The longest way through the series on which times never fall: by its length, the place of the last frame of the one that ends
@@ -141,51 +146,45 @@ fn taken_out_of_order(frames: &[FrameSummary]) -> Option<String> {
         format!(", and frame {}, which stands {where_it_stands} it, at {time}", beside.number)
     });
     let (whose, seem) = (named(&out), if out.len() == 1 { "seems" } else { "seem" });
-    Some(format!(
-        "warning: {whose} {seem} to be out of order: by the times in the files, {} was taken at {time}{beside}",
+    let text = format!(
+        "{whose} {seem} to be out of order: by the times in the files, {} was taken at {time}{beside}",
         frame.file
-    ))
+    );
+    Some(Remark::new(Code::TimesOutOfOrder, About::Frames(out), text).with("first_taken", time))
 }
 
 /// Frames with rows or columns of one grey level.
-fn blank(summary: &Summary) -> Option<String> {
+fn blank(summary: &Summary) -> Option<Remark> {
     let blank: Vec<usize> = summary.frames.iter().filter(|f| f.blank.is_some()).map(|f| f.number).collect();
     let torn = "half black, torn, or not whole: rows or columns of them have one grey level (see their messages)";
-    (!blank.is_empty()).then(|| format!("warning: {} {torn}", frames_are(&blank)))
+    let text = format!("{} {torn}", named_are(&blank));
+    (!blank.is_empty()).then(|| Remark::new(Code::ImageIncomplete, About::Frames(blank), text))
 }
 
 /// Frames with nodes that the reference seemed to show and that are lost in the noise.
-fn in_noise(summary: &Summary) -> Option<String> {
+fn in_noise(summary: &Summary) -> Option<Remark> {
     let lost = || summary.frames.iter().filter(|frame| frame.status.has_field() && frame.nodes_in_noise > 0);
     let numbers: Vec<usize> = lost().map(|frame| frame.number).collect();
     let most = lost().map(|frame| frame.nodes_in_noise).max()?;
     let place = named(&numbers);
-    Some(format!(
-        "warning: {place}: up to {most} nodes not measured: the texture there does not stand out of the noise that the \
-         residual shows (nodes_in_noise)"
-    ))
+    let text = format!(
+        "{place}: up to {most} nodes not measured: the texture there does not stand out of the noise that the residual \
+         shows (nodes_in_noise)"
+    );
+    Some(Remark::new(Code::NodesInNoise, About::Frames(numbers), text).with("nodes", most))
 }
 
 /// Frames in which fields of light did not come to rest with the displacement.
-fn in_unsettled_light(frames: &[FrameSummary]) -> Option<String> {
+fn in_unsettled_light(frames: &[FrameSummary]) -> Option<Remark> {
     let is_unsettled =
         |frame: &&FrameSummary| frame.zones.iter().any(|zone| zone.light.is_some_and(|light| light.unsettled));
     let numbers: Vec<usize> = frames.iter().filter(is_unsettled).map(|frame| frame.number).collect();
-    (!numbers.is_empty()).then(|| {
-        format!(
-            "warning: {}: brightness and contrast did not come to rest with the displacement, and standard uncertainties do not know of that \
-             (see their messages)",
-            named(&numbers)
-        )
-    })
-}
-
-fn named(numbers: &[usize]) -> String {
-    if let [number] = numbers { format!("frame {number}") } else { format!("frames {}", ranges(numbers)) }
-}
-
-fn frames_are(numbers: &[usize]) -> String {
-    if let [number] = numbers { format!("frame {number} is") } else { format!("frames {} are", ranges(numbers)) }
+    let text = format!(
+        "{}: brightness and contrast did not come to rest with the displacement, and standard uncertainties do not know of \
+         that (see their messages)",
+        named(&numbers)
+    );
+    (!numbers.is_empty()).then(|| Remark::new(Code::LightUnsettled, About::Frames(numbers), text))
 }
 
 /// The rigid motions of the frames that have one, in the order of the series.
@@ -245,7 +244,7 @@ impl Motion {
     }
 
     /// Whether the frames are in another order than that of the motion.
-    fn order(&self, summary: &Summary) -> Option<String> {
+    fn order(&self, summary: &Summary) -> Option<Remark> {
         let n = self.places.len();
         if n < FRAMES {
             return None;
@@ -258,14 +257,16 @@ impl Motion {
         let mut by_name = given.clone();
         by_name.sort_by(|&a, &b| natural_order(Path::new(file(a)), Path::new(file(b))));
         if by_name != given && much(self.way(&by_name)) {
-            return Some(format!(
-                "warning: the frames seem to be shuffled: in the order of their names ({}, {}, ...) the motion goes a way \
-                 of {:.1} px, in the order given one of {way:.1} px; give the files in the order of the test, or a pattern \
+            let shorter = self.way(&by_name);
+            let text = format!(
+                "the frames seem to be shuffled: in the order of their names ({}, {}, ...) the motion goes a way of \
+                 {shorter:.1} px, in the order given one of {way:.1} px; give the files in the order of the test, or a pattern \
                  in quotes",
                 file(by_name[0]),
-                file(by_name[1]),
-                self.way(&by_name)
-            ));
+                file(by_name[1])
+            );
+            let remark = Remark::new(Code::FramesShuffled, About::Run, text);
+            return Some(remark.with("way_px", way).with("way_by_name_px", shorter));
         }
         // One frame in another place. The first and the last may be what the test ends with: the reference has a say in that.
         let inner = if n >= 2 * FRAMES { 1..n - 1 } else { 0..0 };
@@ -279,12 +280,14 @@ impl Motion {
             let moved = (0..n).map(|place| (without + self.detour(&rest[..place], at, &rest[place..]), place));
             let Some((shortest, place)) = moved.min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
             if place != at && much(shortest) {
-                return Some(format!(
-                    "warning: frame {} ({}) seems to be out of order: without it the motion goes a way of {shortest:.1} px, \
-                     with it one of {way:.1} px",
+                let text = format!(
+                    "frame {} ({}) seems to be out of order: without it the motion goes a way of {shortest:.1} px, with it \
+                     one of {way:.1} px",
                     self.numbers[at],
                     file(at)
-                ));
+                );
+                let remark = Remark::new(Code::FrameOutOfOrder, About::Frames(vec![self.numbers[at]]), text);
+                return Some(remark.with("way_px", way).with("way_without_px", shortest));
             }
         }
         if n < MANY_FRAMES {
@@ -297,15 +300,16 @@ impl Motion {
         let steps: f64 = self.places.windows(2).map(|pair| distance(&pair[0], &pair[1]).powi(2)).sum();
         let random = RANDOM.contains(&(0.5 * steps / spread.max(f64::MIN_POSITIVE)));
         (random && (spread / n as f64).sqrt() > SHORTER_PX).then(|| {
-            format!(
-                "warning: the motion jumps from frame to frame as in a random order (a way of {way:.1} px): are the files in \
-                 the order of the test?"
-            )
+            let text = format!(
+                "the motion jumps from frame to frame as in a random order (a way of {way:.1} px): are the files in the \
+                 order of the test?"
+            );
+            Remark::new(Code::OrderRandom, About::Run, text).with("way_px", way)
         })
     }
 
     /// Whether another image than the reference is what the motion grows from.
-    fn reference(&self, summary: &Summary) -> Option<String> {
+    fn reference(&self, summary: &Summary) -> Option<Remark> {
         let n = self.places.len();
         let last = self.places.last()?;
         if n < 3 {
@@ -325,20 +329,22 @@ impl Motion {
         steps.sort_by(f64::total_cmp);
         let beyond = length(last) > 0.3 * steps[(n - 1) / 2] && length(last) > 2.0 * ALIKE_PX;
         if opposite && beyond && from_last < 0.75 * way {
-            return Some(format!(
-                "warning: the series fits better the other way: the motion grows from its last image, {}, and not from {reference}; \
-                 if that one shows the specimen before the test, give --reference {0}",
+            let text = format!(
+                "the series fits better the other way: the motion grows from its last image, {}, and not from {reference}; if \
+                 that one shows the specimen before the test, give --reference {0}",
                 file(n - 1)
-            ));
+            );
+            return Some(Remark::new(Code::OrderReversed, About::Reference, text).with("last", file(n - 1)));
         }
         // All of them far from the reference and near each other.
         let nearest = self.places.iter().map(|place| length(place)).fold(f64::INFINITY, f64::min);
         let apart = self.places.iter().map(|place| distance(place, first)).fold(0.0, f64::max);
         (nearest > 3.0 * SHORTER_PX && nearest > 5.0 * apart).then(|| {
-            format!(
-                "warning: {reference} is {nearest:.1} px away from all other images, which are within {apart:.1} px of each \
-                 other: is it the reference? Another one is given by --reference FILE"
-            )
+            let text = format!(
+                "{reference} is {nearest:.1} px away from all other images, which are within {apart:.1} px of each other: is \
+                 it the reference? Another one is given by --reference FILE"
+            );
+            Remark::new(Code::ReferenceApart, About::Reference, text).with("away_px", nearest).with("apart_px", apart)
         })
     }
 }
@@ -358,7 +364,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{Motion, dropped, in_unsettled_light, taken_out_of_order};
+    use super::{About, Code, Motion, dropped, in_unsettled_light, taken_out_of_order};
     use crate::report::summary::{FrameSummary, LightSummary, ZoneSummary};
 
     #[test]
@@ -399,20 +405,14 @@ mod tests {
         assert_eq!(said(&[Some(4), None, Some(5), None]), None);
         assert_eq!(all(&[]), None);
         let late = all(&[1, 2, 9, 3, 4, 5]).unwrap();
-        assert!(
-            late.contains(" frame 3 seems ")
-                && late.contains("3.tif was taken at 2024-05-01T10:11:09, and frame 4, which stands behind"),
-            "{late}"
-        );
+        assert_eq!((late.code, late.about), (Code::TimesOutOfOrder, About::Frames(vec![3])));
+        assert_eq!(late.values["first_taken"], "2024-05-01T10:11:09".into());
+        assert!(late.text.contains("and frame 4, which stands behind"), "{}", late.text);
         let early = said(&[Some(5), Some(6), None, Some(1), Some(7), Some(8)]).unwrap();
-        assert!(
-            early.contains(" frame 4 seems ")
-                && early.contains("and frame 2, which stands before it, at 2024-05-01T10:11:06"),
-            "{early}"
-        );
-        let two = all(&[1, 5, 3, 4, 2, 6, 7]).unwrap();
-        assert!(two.contains(" frames 2, 5 seem "), "{two}");
-        assert!(all(&[5, 4, 3, 2, 1]).unwrap().contains(" frames 1-4 seem "), "one of them can stay");
+        assert_eq!(early.about, About::Frames(vec![4]));
+        assert!(early.text.contains("and frame 2, which stands before it, at 2024-05-01T10:11:06"), "{}", early.text);
+        assert_eq!(all(&[1, 5, 3, 4, 2, 6, 7]).unwrap().about, About::Frames(vec![2, 5]));
+        assert_eq!(all(&[5, 4, 3, 2, 1]).unwrap().about, About::Frames(vec![1, 2, 3, 4]), "one of them can stay");
     }
 
     #[test]
@@ -445,7 +445,7 @@ mod tests {
             })
             .collect();
         let said = in_unsettled_light(&frames).unwrap();
-        assert!(said.starts_with("warning: frames 2, 4: brightness"), "{said}");
+        assert_eq!((said.code, said.about), (Code::LightUnsettled, About::Frames(vec![2, 4])));
         assert_eq!(in_unsettled_light(&frames[2..3]), None);
     }
 
@@ -456,9 +456,10 @@ mod tests {
             dropped(&files.iter().map(String::as_str).collect::<Vec<_>>())
         };
         let one = said(&[1, 2, 3, 4, 6, 7, 8, 9]).unwrap();
-        assert!(one.contains("skip 1, first between s2/cam1_0004.tif and s2/cam1_0006.tif:"), "{one}");
+        assert_eq!((one.number("missing"), one.number("gaps")), (Some(1.0), Some(1.0)));
+        assert_eq!(one.values["first_after"], "s2/cam1_0004.tif".into());
         let two = said(&[10, 20, 30, 60, 70, 80, 90, 100, 110, 130, 140]).unwrap();
-        assert!(two.contains("skip 3,") && two.contains("and 1 more times"), "{two}");
+        assert_eq!((two.number("missing"), two.number("gaps")), (Some(3.0), Some(2.0)));
         for whole in [&[1, 2, 3, 4, 5, 6, 7, 8][..], &[5, 10, 15, 20, 25, 30, 35, 40, 45], &[1, 2, 4, 5]] {
             assert_eq!(said(whole), None);
         }

@@ -1,12 +1,14 @@
 //! The correlator of a run, and what becomes of it when its device fails.
 
 use super::error::RunError;
+use super::remarks::{device_failed, device_unprepared, device_wrong, noise_correlated, of_device};
 use crate::backend::BackendError;
 use crate::backend::choice::Device;
 use crate::correlate::{Correlate, Correlation, CorrelationError, Options, Uploaded, prepare};
 use crate::field::Status;
 use crate::imaging::Image;
 use crate::mesh::Zone;
+use crate::remark::Remark;
 use rayon::ThreadPool;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
@@ -27,7 +29,7 @@ pub(super) struct Engine {
     device: Device,
     name: String,
     current: RwLock<Current>,
-    notes: Mutex<Vec<String>>,
+    remarks: Mutex<Vec<Remark>>,
     /// Whether it has been said that the noise is not white.
     colour_said: AtomicBool,
     /// What looks at frames of a graphics device, once one is to be looked at.
@@ -90,11 +92,11 @@ impl Engine {
         zones: Vec<Zone>,
         options: Options,
     ) -> std::result::Result<Self, CorrelationError> {
-        let mut notes: Vec<String> = device.remark().into_iter().collect();
+        let mut remarks: Vec<Remark> = device.remark().map(of_device).into_iter().collect();
         let prepare = |device: &Device| prepare(device, reference.clone(), &zones, options.clone());
         let (device, correlator) = match prepare(&device) {
             Err(CorrelationError::Backend(error)) if device.is_auto_gpu() => {
-                notes.push(format!("warning: {error}; the CPU does the work"));
+                remarks.push(device_unprepared(&error));
                 let cpu = device.on_cpu();
                 let correlator = prepare(&cpu)?;
                 (cpu, correlator)
@@ -109,7 +111,7 @@ impl Engine {
             options,
             device,
             current: RwLock::new(current),
-            notes: Mutex::new(notes),
+            remarks: Mutex::new(remarks),
             colour_said: AtomicBool::new(false),
             twin: OnceLock::new(),
             looked_at: AtomicUsize::new(0),
@@ -136,22 +138,22 @@ impl Engine {
     }
 
     /// What has been worth saying since the last call.
-    pub fn take_notes(&self) -> Vec<String> {
-        std::mem::take(&mut *self.notes.lock().unwrap_or_else(PoisonError::into_inner))
+    pub fn take_remarks(&self) -> Vec<Remark> {
+        std::mem::take(&mut *self.remarks.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Adds something worth saying.
-    pub fn note(&self, note: String) {
-        self.notes.lock().unwrap_or_else(PoisonError::into_inner).push(note);
+    pub fn remark(&self, remark: Remark) {
+        self.remarks.lock().unwrap_or_else(PoisonError::into_inner).push(remark);
     }
 
     /// Says once in a run that standard uncertainties are multiplied because the noise is not white.
-    pub fn note_colour(&self, number: usize, result: &Correlation) {
+    pub fn remark_colour(&self, number: usize, result: &Correlation) {
         let applied = result.noise_colour.filter(|colour| colour.to_apply().is_some());
         if let Some(colour) = applied
             && !self.colour_said.swap(true, Ordering::SeqCst)
         {
-            self.note(format!("warning: frame {number}: {colour} (every frame has its own: noise_correlation_factor)"));
+            self.remark(noise_correlated(number, &colour));
         }
     }
 
@@ -235,11 +237,7 @@ impl Engine {
     ) -> std::result::Result<(), CorrelationError> {
         let mut current = self.current.write().unwrap_or_else(PoisonError::into_inner);
         if current.generation == generation {
-            let before = match number {
-                1 => String::new(),
-                _ => format!("; nobody has looked at up to {LOOKED_AT} frames before it: measure them again"),
-            };
-            self.note(format!("warning: frame {number}: {error}; going on with the CPU{before}"));
+            self.remark(device_wrong(number, error, LOOKED_AT));
             let cpu = self.device.on_cpu();
             *current = current.next(&cpu, prepare(&cpu, self.reference.clone(), &self.zones, self.options.clone())?);
         }
@@ -260,13 +258,13 @@ impl Engine {
         }
         let prepare = |device: &Device| prepare(device, self.reference.clone(), &self.zones, self.options.clone());
         if !tried_again && generation < FRESH_DEVICES {
-            self.note(format!("warning: frame {number}: {error}; trying once more on a fresh device"));
+            self.remark(device_failed(number, error, true));
             if let Ok(correlator) = prepare(&self.device) {
                 *current = current.next(&self.device, correlator);
                 return Ok(());
             }
         }
-        self.note(format!("warning: frame {number}: {error}; going on with the CPU"));
+        self.remark(device_failed(number, error, false));
         let cpu = self.device.on_cpu();
         *current = current.next(&cpu, prepare(&cpu)?);
         Ok(())

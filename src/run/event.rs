@@ -2,6 +2,7 @@
 
 use super::busy::Busy;
 use crate::identify::FitProgress;
+use crate::remark::Remark;
 use crate::report::fit::FitRecord;
 use crate::report::joint::JointSummary;
 use crate::report::summary::FrameSummary;
@@ -19,8 +20,10 @@ pub enum Event<'a> {
         /// Those of them that were done before.
         before: usize,
     },
-    /// Something worth saying, a line; what begins with `warning:` is one.
+    /// How the run goes, a line.
     Note(&'a str),
+    /// Something that a user should know.
+    Remark(&'a Remark),
     /// A frame is done; it may still be on its way to the disk.
     Frame {
         /// What came of it.

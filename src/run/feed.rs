@@ -31,7 +31,7 @@ impl Feed<'_> {
         let begin = Instant::now();
         let come = camera.take(self.to_do.is_empty(), wanted);
         self.waiting.add(begin.elapsed());
-        camera.take_notes().into_iter().for_each(|note| self.engine.note(note));
+        camera.take_remarks().into_iter().for_each(|remark| self.engine.remark(remark));
         if !come.is_empty() {
             // The store names a frame before anything of it is done: what is stored under a number stays that frame's,
             // however this process ends.

@@ -41,10 +41,7 @@ pub fn identify(
     let mut joint = Case::joint(input)?;
     let mut of_case = Case::new(&joint, input, case)?;
     // What hardly anything has is known before the fit, which may take long for that very reason.
-    let doubts = joint.doubts.iter().chain(&of_case.doubts);
-    doubts.chain(of_case.implausible.iter().map(|value| &value.text)).for_each(|doubt| {
-        watcher(Event::Note(&format!("warning: {doubt}")));
-    });
+    joint.remarks.iter().chain(&of_case.remarks).for_each(|remark| watcher(Event::Remark(remark)));
     let folder = RunFolder::open(output, overwrite)?;
     folder.clear(false, true)?;
     folder.make(FIGURES)?;
@@ -65,7 +62,7 @@ pub fn identify(
     };
     let report = pool.install(|| FitReport::new(&of_case, &found, profile))?;
     let mut json = report.json(absolute(case), seconds);
-    json.warnings.splice(0..0, joint.doubts.iter().cloned());
+    json.remarks.splice(0..0, joint.remarks.iter().cloned());
     // First of all: when a figure fails, the result is there.
     folder.write_json(FIT, &json)?;
     folder.write("fit-history.csv", |out| report.write_history(out))?;
@@ -82,7 +79,7 @@ pub fn identify(
     let chosen = JointReport::new(&joint, found.solution()).chosen(asked);
     report.draw(&chosen, save)?;
     if !of_case.laws.is_empty() && found.cut_short.is_none() {
-        compared(&mut of_case, &folder, absolute(case), json.warnings.clone(), pool, stop, watcher)?;
+        compared(&mut of_case, &folder, absolute(case), json.remarks.clone(), pool, stop, watcher)?;
     }
     // The joint of the fit, for everything that `simulate` writes.
     let law = of_case.problem.unknowns.law_at(&found.evaluation.x)?;
@@ -91,7 +88,7 @@ pub fn identify(
     let (force, j_integrals) = (json.force.as_ref(), j_integrals.as_slice());
     let of_joint = JointReport { force, j_integrals, ..JointReport::new(&joint, found.solution()) };
     write_solution(&folder, &of_joint)?;
-    folder.write_summary(&of_joint.summary(absolute(case), seconds, json.warnings.clone()))?;
+    folder.write_summary(&of_joint.summary(absolute(case), seconds, json.remarks.clone()))?;
     of_joint.draw(&chosen, save)?;
     watcher(Event::Identified { fit: &json, folder: output });
     let trusted = found.status == FitStatus::Converged && found.cut_short.is_none() && !json.verdict.conditional;

@@ -3,6 +3,7 @@
 use super::error::Result;
 use super::overlay::Overlay;
 use super::plan::{Images, Plan};
+use super::remarks::of_device;
 use super::zones::{Zones, cut};
 use crate::correlate::{Correlate, prepare};
 use crate::field::{Measurement, StrainDefinition, StrainField, StrainWindows, UpdateReference};
@@ -10,6 +11,7 @@ use crate::imaging::Image;
 use crate::io::case::{CaseFile, CaseZone, CrackPath};
 use crate::io::series::Frame;
 use crate::mesh::Mask;
+use crate::remark::Remark;
 use crate::units::Px;
 use std::path::Path;
 use std::sync::Arc;
@@ -22,7 +24,7 @@ pub struct InMemory {
     /// What frames are correlated with.
     pub correlator: Arc<dyn Correlate>,
     /// What is worth knowing: of the zones that were found, of masks and mesh files, of the device.
-    pub notes: Vec<String>,
+    pub remarks: Vec<Remark>,
     /// How strains are made.
     pub strain: StrainDefinition,
     windows: Option<StrainWindows>,
@@ -66,7 +68,7 @@ impl InMemory {
             let [x1, y1] = size.map(|side| side as f64);
             plan.zones.push(CaseZone { roi: Some([0.0, 0.0, x1, y1]), ..CaseZone::default() });
         }
-        let Zones { mut zones, mut notes, .. } = Zones::of(&mut plan, &reference, Path::new(""))?;
+        let Zones { mut zones, mut remarks, .. } = Zones::of(&mut plan, &reference, Path::new(""))?;
         if let Some(mask) = mask {
             if [mask.width(), mask.height()] != size {
                 return Err(format!(
@@ -83,11 +85,11 @@ impl InMemory {
         }
         cut(&mut zones, &plan.drawn.cracks)?;
         let device = plan.device_of(FRAMES * (size[0] * size[1]) as u64)?;
-        notes.extend(device.remark());
+        remarks.extend(device.remark().map(of_device));
         let held = plan.options.is_held();
         let correlator = prepare(&device, reference, &zones, plan.options)?;
         let windows = plan.strain_window.map(|window| StrainWindows::new(correlator.mesh(), window, held));
-        Ok(Self { correlator, notes, strain: plan.strain, windows })
+        Ok(Self { correlator, remarks, strain: plan.strain, windows })
     }
 
     /// The strains of a field, as the case wants them.

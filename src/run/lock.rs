@@ -1,8 +1,10 @@
 //! Who works on the folder of a run: locks that the operating system takes back when their process ends, however it ends.
 
 use super::error::{Result, RunError};
+use super::remarks::no_locks;
 use super::shard::Shard;
 use super::text::absolute;
+use crate::remark::Remark;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;
@@ -70,7 +72,7 @@ pub(super) struct Lock {
     folder: PathBuf,
     _held: Vec<File>,
     /// What to know about it: a file system without locks.
-    pub remark: Option<String>,
+    pub remark: Option<Remark>,
 }
 
 impl Lock {
@@ -111,11 +113,7 @@ impl Lock {
                 return Err(busy(folder));
             }
         }
-        let remark = (!locks).then(|| {
-            let folder = folder.display();
-            format!("warning: {folder}: the file system has no locks; nothing keeps a second process away")
-        });
-        Ok(Self { folder: folder.to_owned(), _held: held, remark })
+        Ok(Self { folder: folder.to_owned(), _held: held, remark: (!locks).then(|| no_locks(folder)) })
     }
 
     /// Waits until no other shard does what is done once, and keeps them away until the file is dropped.

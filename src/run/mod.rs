@@ -51,6 +51,7 @@ mod record;
 mod reference;
 mod rehearsal;
 mod relay;
+mod remarks;
 mod report;
 mod restart;
 mod run_toml;

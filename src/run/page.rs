@@ -7,6 +7,7 @@ use super::identification::FIT;
 use super::look::{FitOfRun, Off, off_at};
 use super::read::{fields, read_json};
 use super::record::Record;
+use super::remarks::zones_matched;
 use super::steps::Steps;
 use super::text::{absolute, chain};
 use crate::field::{Measurement, Status};
@@ -18,6 +19,7 @@ use crate::io::series::Frame;
 use crate::io::store::Store;
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::CohesiveLaw;
+use crate::remark::Remark;
 use crate::report::Backdrop;
 use crate::report::fit::{FitRecord, read_bands, read_law};
 use crate::report::identification::{IdentificationReport, OtherRigidMotion};
@@ -81,12 +83,13 @@ pub(super) fn page(
         let of_frame = header.frames.get(number - 1).zip(store.frame_sha256(number));
         provenance.extend(of_frame.map(|(file, hash)| (short(file), hash.to_owned())));
     }
-    let mut notes = case.notes.clone();
-    notes.extend(joint.doubts.iter().cloned());
-    notes.extend(fit.iter().flat_map(|fit| fit.warnings.iter().cloned()));
+    let mut remarks: Vec<Remark> = case.notes.iter().map(|note| zones_matched(note)).collect();
+    for remark in joint.remarks.iter().chain(fit.iter().flat_map(|fit| &fit.remarks)) {
+        if !remarks.contains(remark) {
+            remarks.push(remark.clone());
+        }
+    }
     let laws = if fit.is_some() { laws(folder, case)? } else { None };
-    let mut seen = std::collections::BTreeSet::new();
-    notes.retain(|note| seen.insert(note.clone()));
     let other = folder.join(RIGID_MOTION);
     let other: Option<OtherRigidMotion> = if other.exists() { Some(read_json(&other)?) } else { None };
     let report = IdentificationReport {
@@ -106,7 +109,7 @@ pub(super) fn page(
         laws: laws.as_ref(),
         truth: truth.as_ref().map(|truth| &truth.parameters),
         other_rigid_motion: other.as_ref(),
-        notes,
+        remarks,
         provenance,
     };
     let mut page = report.page()?;

@@ -204,7 +204,7 @@ pub(crate) fn write_of_store(
     if let Some(load) = &asked.load {
         lines.push(format!("load file: {}", load.file));
     }
-    lines.extend(load.notes.iter().cloned());
+    lines.extend(load.remarks.iter().map(|remark| remark.text.clone()));
     let fields = Fields {
         header: &lines,
         pixel_size: header.pixel_size,

@@ -2,6 +2,7 @@
 
 use super::error::{Result, RunError};
 use super::plan::Plan;
+use super::remarks::{of_reference, reference_blurred};
 use super::text::chain;
 use crate::correlate::CorrelationError;
 use crate::field::Noise;
@@ -10,6 +11,7 @@ use crate::io::case::{CaseGuard, CaseZone};
 use crate::io::images::{Accepted, ReadError};
 use crate::io::series::Frame;
 use crate::mesh::{Mesh, MeshError};
+use crate::remark::Remark;
 use crate::units::Px;
 
 /// The reference image, or the mean of several.
@@ -18,7 +20,7 @@ pub(super) struct Reference {
     /// Of each file.
     pub sha256: Vec<String>,
     /// What is worth knowing, each with its file.
-    pub notes: Vec<String>,
+    pub remarks: Vec<Remark>,
 }
 
 impl Reference {
@@ -42,11 +44,11 @@ impl Reference {
     pub fn read(frames: &[Frame], accepted: Accepted) -> Result<Self> {
         let mut first: Option<(Image, &Frame)> = None;
         let mut mean: Option<Mean> = None;
-        let (mut sha256, mut notes) = (Vec::new(), Vec::new());
+        let (mut sha256, mut remarks) = (Vec::new(), Vec::new());
         for frame in frames {
             let loaded = frame.read(accepted)?;
             sha256.push(loaded.sha256);
-            notes.extend(loaded.notes.iter().map(|note| format!("{frame}: {note}")));
+            remarks.extend(loaded.notes.iter().map(|note| of_reference(&frame.to_string(), note)));
             let Some((before, name)) = &first else {
                 first = Some((loaded.image, frame));
                 continue;
@@ -64,16 +66,13 @@ impl Reference {
             if let Some([x, y]) = small_shift(before, &loaded.image)
                 && x.hypot(y) > Self::STILL_PX
             {
-                notes.push(format!(
-                    "{frame}: moved by about ({x:.2}, {y:.2}) px against {name}: their mean is blurred; take references \
-                     between which nothing moves"
-                ));
+                remarks.push(reference_blurred(&frame.to_string(), &name.to_string(), [x, y]));
             }
         }
         let (first, of) = first.ok_or("no reference image is given")?;
         has_room(&first, of)?;
         let image = mean.map_or(first, Mean::image);
-        Ok(Self { image, sha256, notes })
+        Ok(Self { image, sha256, remarks })
     }
 }
 

@@ -14,6 +14,7 @@ use crate::io::joint::{
 };
 use crate::io::run_case::RunCase;
 use crate::mesh::PixelMesh;
+use crate::remark::{Code, Remark};
 use crate::units::PixelSize;
 
 /// Opening at the last instant of what is made up, by the thickness of the adhesive: enough to be no rigid motion.
@@ -27,7 +28,7 @@ const SIGMA_PX: f64 = 0.01;
 /// # Errors
 /// Zones without elements, faces that do not pair, a border that does not hold the joint, and all that
 /// [`Case::joint`] and [`Case::new`] refuse.
-pub(super) fn rehearse(case: &RunCase, plan: &Plan) -> Result<Vec<String>> {
+pub(super) fn rehearse(case: &RunCase, plan: &Plan) -> Result<Vec<Remark>> {
     if plan.options.elements == Elements::CubicSpline {
         return Err(RunError::Refused(
             "identification needs bilinear elements: the nodes of cubic splines are bound to each other, and intervals made of them \
@@ -52,14 +53,14 @@ pub(super) fn rehearse(case: &RunCase, plan: &Plan) -> Result<Vec<String>> {
     let force = read_force(&of_joint, &boundary, &drives)?;
     let input = JointInput { case: of_joint, mesh: MeshInput::Run(mesh), boundary, drives, measurement, force };
     let joint = Case::joint(&input)?;
-    let mut warnings: Vec<String> = joint.doubts.iter().filter(|doubt| doubt.contains("in mm?")).cloned().collect();
+    let mut found: Vec<Remark> = joint.remarks.iter().filter(|r| r.code == Code::LengthsApart).cloned().collect();
     if case.has_fit() {
         let of_case = Case::new(&joint, &input, path)?;
         // What it says of the jumps is said of those made up here.
-        let known = of_case.implausible.iter().filter(|value| value.name != "start" && value.name != "opening");
-        warnings.extend(known.map(|value| value.text.clone()));
+        let known = |r: &&Remark| matches!(r.code, Code::MaterialImplausible | Code::LengthImplausible);
+        found.extend(of_case.remarks.iter().filter(known).cloned());
     }
-    Ok(warnings)
+    Ok(found)
 }
 
 /// What the correlation would give if the joint opened a little.

@@ -72,7 +72,7 @@ pub(super) fn write(
         drawn: &drawn,
         sampled: &sampled,
         curves: &quantities.curves,
-        notes: &quantities.notes,
+        remarks: &quantities.remarks,
         provenance,
     };
     let mut page = report.page()?;

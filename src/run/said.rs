@@ -2,11 +2,11 @@
 
 use super::plan::{MANY, Plan};
 use super::text::{plural, ranges};
-use crate::correlate::{BareBorder, Reference, TextureFault};
+use crate::correlate::Reference;
 use crate::field::Elements;
 use crate::imaging::{GreyDepth, Image, Saturation};
 use crate::io::store::STORE;
-use crate::report::summary::{ReferenceSummary, Summary, saturation_message, units};
+use crate::report::summary::{ReferenceSummary, Summary, units};
 use std::collections::BTreeMap;
 
 /// What a run begins with, on one line.
@@ -29,22 +29,6 @@ pub(super) fn begin_line(plan: &Plan, correlator: &Reference, reference: &Image,
         correlator.device(),
         plural(threads, "thread"),
     )
-}
-
-/// What to say of nodes without texture.
-pub(super) fn about_nodes(correlator: &Reference) -> impl Iterator<Item = String> {
-    const NAMED: usize = 3;
-    let said = |faults: &[TextureFault], begin: &str, what: &str| {
-        let mut places: Vec<String> = faults.iter().take(NAMED).map(ToString::to_string).collect();
-        if faults.len() > NAMED {
-            places.push(format!("{} more in summary.json", faults.len() - NAMED));
-        }
-        let n = plural(faults.len(), "node");
-        (!faults.is_empty()).then(|| format!("{begin}{n} with too little texture {what}: {}", places.join("; ")))
-    };
-    let dropped = said(correlator.dropped(), "warning: ", "left out");
-    let held = said(correlator.held(), "", "held by the nodes around them");
-    [dropped, held].into_iter().flatten()
 }
 
 /// What to say of an earlier start: frames that are done, and those that are done again because they are `damaged` or
@@ -104,34 +88,12 @@ pub(super) fn empty_summary(
         seconds_total: 0.0,
         nodes_left_out: correlator.dropped().iter().map(Into::into).collect(),
         nodes_held: correlator.held().iter().map(Into::into).collect(),
-        messages: Vec::new(),
+        remarks: Vec::new(),
         counts: BTreeMap::new(),
         reference_updates: Vec::new(),
         cracks: Vec::new(),
         frames: Vec::new(),
     }
-}
-
-/// What to say of the grey levels of the reference.
-pub(super) fn about_grey(plan: &Plan, reference: &Image, saturation: Option<Saturation>) -> Vec<String> {
-    let notes = [GreyDepth::of(reference).and_then(GreyDepth::remark), saturation.and_then(saturation_message)];
-    notes.into_iter().flatten().map(|note| format!("{}: {note}", plan.reference_name())).collect()
-}
-
-/// What a zone that ends at a place without texture should be told.
-pub(super) fn bare_border(border: &BareBorder) -> String {
-    let BareBorder { zone, length_px, at: [x, y], is_within } = border;
-    if *is_within {
-        return format!(
-            "warning: inside zone '{zone}' nodes are left out along {length_px:.0} px without texture (about ({x:.0}, {y:.0}) \
-             px): what lies there pulls the nodes beside it, and no guard reaches it; leave the place out of the zone \
-             (exclude, --mask, or no zone at all, so that it is found), with a guard of 3 px"
-        );
-    }
-    format!(
-        "warning: zone '{zone}' borders on {length_px:.0} px without texture (about ({x:.0}, {y:.0}) px): what lies beyond \
-         is mixed into its outermost pixels and pulls the nodes there; leave these out with --guard 3 or guard_px"
-    )
 }
 
 /// That no tables are written: because there are `many` frames, or because nobody knows how many.

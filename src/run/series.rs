@@ -21,15 +21,15 @@ use super::session::{Existing, Outcome, Ran, Session};
 use super::store_of_run::{header_of, made_or_found};
 use super::tally::{Summaries, Tally};
 use super::text::chain;
-use super::which_reference::about_texts;
 use super::zones::Zones;
-use super::{crack_auto, doubts, pipeline, quantities, report, said};
+use super::{crack_auto, doubts, pipeline, quantities, remarks, report, said};
 use crate::correlate::Correlate;
 use crate::field::{Status, StrainWindows, UpdateReference};
 use crate::imaging::{FlatBlocks, Image, Saturation};
 use crate::io::quantities::QuantitySummary;
 use crate::io::store::{STORE, Store, StoreWriter};
 use crate::mesh::Mesh;
+use crate::remark::Remark;
 use crate::report::summary::{FrameSummary, Summary, counts, reference_updates};
 use crate::units::Px;
 use rayon::ThreadPool;
@@ -88,7 +88,7 @@ struct PreparedSeries<'a> {
     correlator: Arc<dyn Correlate>,
     seconds_reference: f64,
     /// What is to be said of reference and zones.
-    notes: Vec<String>,
+    remarks: Vec<Remark>,
     saturation: Option<Saturation>,
     /// What is said below the picture of the mesh, where zones or cracks were found.
     drawn: Vec<String>,
@@ -149,9 +149,9 @@ impl<'a> PreparedSeries<'a> {
         if camera.is_none() {
             quantities::load(&plan.drawn, plan.deformed.len())?;
         }
-        let Reference { image, sha256, notes: reference_notes } = Reference::of(&plan)?;
+        let Reference { image, sha256, mut remarks } = Reference::of(&plan)?;
         let (width, height) = (image.width(), image.height());
-        let Zones { mut zones, notes: zone_notes, files: zone_files, found } =
+        let Zones { mut zones, remarks: of_zones, files: zone_files, found } =
             pool.install(|| Zones::of(&mut plan, &image, folder.path()))?;
         let reference = Arc::new(image);
         let cracks = pool.install(|| crack_auto::cut(&mut plan, there.as_ref(), &reference, &mut zones))?;
@@ -183,11 +183,13 @@ impl<'a> PreparedSeries<'a> {
             made
         };
         let saturation = Saturation::of(&reference, &windows(correlator.mesh()));
-        let about_grey = said::about_grey(&plan, &reference, saturation);
+        remarks.extend(remarks::of_grey(&plan.reference_name(), &reference, saturation));
+        remarks.extend(of_zones);
+        remarks.extend(cracks.found.iter().chain(&cracks.notes).cloned().map(remarks::of_crack_search));
         Ok(Self {
             begin,
-            drawn: found.iter().map(|found| &found.note).chain(&cracks.found).cloned().collect(),
-            notes: [reference_notes, about_grey, zone_notes, cracks.found, cracks.notes].concat(),
+            drawn: found.map(|found| found.note).into_iter().chain(cracks.found).collect(),
+            remarks,
             plan,
             folder,
             pool,
@@ -249,27 +251,27 @@ impl<'a> PreparedSeries<'a> {
         let total = camera.is_none().then_some(before.own.len());
         watcher(Event::Begun { total, before: before.done.len() });
         let threads = self.pool.current_num_threads();
-        let border_notes: Vec<String> = correlator.bare_borders().iter().map(said::bare_border).collect();
-        let mut lines = vec![said::begin_line(plan, correlator, reference, threads)];
-        let left_out = about_texts(&plan.left_out);
-        lines.extend(left_out.clone());
-        lines.extend(self.notes.iter().chain(&self.lock.remark).cloned());
-        lines.extend(said::about_nodes(correlator));
-        lines.extend(said::about_earlier(before.done.len(), before.to_do.len(), &before.damaged, &before.depending));
-        lines.extend(border_notes.iter().cloned());
-        lines.iter().for_each(|line| watcher(Event::Note(line)));
+        watcher(Event::Note(&said::begin_line(plan, correlator, reference, threads)));
+        let left_out = remarks::files_left_out(&plan.left_out);
+        let of_nodes: Vec<Remark> = remarks::of_nodes(correlator).collect();
+        let at_begin = left_out.iter().chain(&self.remarks).chain(&self.lock.remark).chain(&of_nodes);
+        at_begin.for_each(|remark| watcher(Event::Remark(remark)));
+        let earlier = said::about_earlier(before.done.len(), before.to_do.len(), &before.damaged, &before.depending);
+        earlier.iter().for_each(|line| watcher(Event::Note(line)));
+        let borders: Vec<Remark> = correlator.bare_borders().iter().map(remarks::of_border).collect();
+        borders.iter().for_each(|remark| watcher(Event::Remark(remark)));
         let frames: Vec<FrameSummary> = before.done.values().map(|(summary, _)| summary.clone()).collect();
         let mut summary = Summary {
             seconds_reference: self.seconds_reference,
-            messages: left_out.into_iter().chain(border_notes).collect(),
+            remarks: left_out.into_iter().chain(borders).collect(),
             counts: counts(&frames),
             reference_updates: reference_updates(&frames),
             frames,
             ..said::empty_summary(plan, correlator, reference, threads, self.saturation)
         };
-        for note in engine.take_notes() {
-            watcher(Event::Note(&note));
-            summary.messages.extend(note.starts_with("warning").then_some(note));
+        for remark in engine.take_remarks() {
+            watcher(Event::Remark(&remark));
+            summary.remarks.extend(remark.is_warning().then_some(remark));
         }
         if plan.store_only {
             watcher(Event::Note(&said::store_only(camera.is_none())));
@@ -346,7 +348,7 @@ impl<'a> PreparedSeries<'a> {
                 let Done { sha256, summary: frame, result, news, kept } = done;
                 tally.hashes.insert(frame.number, sha256.clone());
                 news.iter().for_each(|line| watcher(Event::Note(line)));
-                tally.take_notes(engine, watcher);
+                tally.take_remarks(engine, watcher);
                 tally.busy.add(&frame, writing.time(), waiting.time());
                 watcher(Event::Frame { summary: &frame, busy: &tally.busy });
                 tally.summary.frames.push(frame.clone());
@@ -364,7 +366,7 @@ impl<'a> PreparedSeries<'a> {
             }
             done
         });
-        tally.take_notes(engine, watcher);
+        tally.take_remarks(engine, watcher);
         (tally, written)
     }
 
@@ -398,7 +400,7 @@ impl<'a> PreparedSeries<'a> {
         if shard.is_none() || complete {
             tally.summary.frames.sort_by_key(|frame| frame.number);
             doubts = doubts::about_series(&tally.summary, &tally.hashes, &self.store.header().reference_sha256);
-            tally.summary.messages.extend(doubts.iter().cloned());
+            tally.summary.remarks.extend(doubts.iter().cloned());
             // Also when writing has failed: what is known is kept where it can be.
             let closed = folder.write_case(&self.record.case(&tally.hashes));
             let closed = closed.and_then(|()| tally.write_summary(folder, begin));
@@ -424,8 +426,9 @@ impl<'a> PreparedSeries<'a> {
         }
         let Tally { summary, busy, .. } = tally;
         watcher(Event::Finished { frames: &summary.frames, seconds: summary.seconds_total });
-        doubts.iter().for_each(|line| watcher(Event::Note(line)));
+        doubts.iter().for_each(|remark| watcher(Event::Remark(remark)));
         if let Some(camera) = &mut self.camera {
+            camera.take_remarks().iter().for_each(|remark| watcher(Event::Remark(remark)));
             let stopped = self.session.stop.is_asked();
             camera.ending(stopped).iter().for_each(|line| watcher(Event::Note(line)));
         }
@@ -449,7 +452,7 @@ impl<'a> PreparedSeries<'a> {
         }
         let (folder, plan, reference) = (self.folder, &self.plan, &self.reference);
         let mut warn = |what: &str, error: &RunError| {
-            watcher(Event::Note(&format!("warning: {what}: {}", chain(error))));
+            watcher(Event::Remark(&remarks::report_missing(what, error)));
         };
         match self.pool.install(|| report::write(folder, plan, summary, reference, &drawn)) {
             // A disk that takes no more.
@@ -469,14 +472,13 @@ impl<'a> PreparedSeries<'a> {
             quantities::write_of_store(&store, &self.plan.drawn, (None, None), &numbers, self.folder.path(), |_, _| ());
         match drawn {
             Ok(drawn) => {
-                drawn.notes.iter().for_each(|note| watcher(Event::Note(note)));
+                drawn.remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
                 super::cracks::tell(self.folder, summary, &drawn.cracks)?;
                 return Ok(drawn);
             }
             // How long the load file has to be is known only now.
             Err(error) if self.camera.is_some() => {
-                let line = format!("warning: no numbers are drawn from the fields: {}", chain(&error));
-                watcher(Event::Note(&line));
+                watcher(Event::Remark(&remarks::curves_missing(&error)));
             }
             Err(error) => return Err(error),
         }

@@ -38,13 +38,7 @@ pub fn identify_several(
 ) -> Result<(FitRecord, Outcome)> {
     let mut joints = CombinedCase::joints(input)?;
     let mut of_case = CombinedCase::new(&joints, input)?;
-    let implausible = of_case
-        .tests
-        .iter()
-        .flat_map(|test| test.case.implausible.iter().map(|value| format!("test \"{}\": {}", test.name, value.text)));
-    for doubt in of_case.doubts.iter().cloned().chain(implausible) {
-        watcher(Event::Note(&format!("warning: {doubt}")));
-    }
+    of_case.remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
     let folder = RunFolder::open(output, overwrite)?;
     folder.clear(false, false)?;
     folder.make(FIGURES)?;
@@ -121,6 +115,6 @@ fn write_test(
     let j_integrals = joint.model.j_integrals(&*joint.law, solution);
     let report = JointReport { j_integrals: &j_integrals, ..JointReport::new(joint, solution) };
     write_solution(folder, &report)?;
-    folder.write_summary(&report.summary(case.to_owned(), seconds, joint.doubts.clone()))?;
+    folder.write_summary(&report.summary(case.to_owned(), seconds, joint.remarks.clone()))?;
     report.draw(&report.chosen(asked), |name, picture| save(folder, &name, &picture))
 }

@@ -4,6 +4,7 @@ use super::error::Result;
 use super::event::{Event, Watcher};
 use super::folder::{FIGURES, FORCE, J_INTEGRAL, RunFolder};
 use super::heard::Heard;
+use super::remarks::{figure_missing, path_ended, path_goes_back};
 use super::session::Outcome;
 use super::stop::Stop;
 use super::text::absolute;
@@ -11,6 +12,7 @@ use crate::identify::Case;
 use crate::io::case::CasePathControl;
 use crate::io::joint::{JointInput, read_joint};
 use crate::mechanics::{EnergyOptions, FollowOptions, Followed, ForwardOptions, Joint, PathEnd, Solution};
+use crate::remark::Remark;
 use crate::report::joint::{JointReport, JointSummary};
 use crate::report::{ForceRecord, Picture};
 use rayon::ThreadPool;
@@ -62,7 +64,7 @@ pub fn simulate(
         Some(how) => {
             let found = heard
                 .during(pool, watcher, || joint.model.follow(&*joint.law, &joint.boundary, &options, &how, &go_on))?;
-            joint.doubts.extend(said_of_path(&found, n_instants)?);
+            joint.remarks.extend(said_of_path(&found, n_instants)?);
             whole = matches!(found.end, PathEnd::Last | PathEnd::Rest);
             (times, joint.boundary) = (found.times, found.boundary);
             found.solution
@@ -79,9 +81,9 @@ pub fn simulate(
         false => Vec::new(),
     };
 
-    let mut warnings = joint.doubts.clone();
+    let mut remarks = joint.remarks.clone();
     // The points of a path are no instants of the record.
-    let force = if follow.is_none() { force(&input, &joint, &solution, &mut warnings)? } else { None };
+    let force = if follow.is_none() { force(&input, &joint, &solution, &mut remarks)? } else { None };
     let force = force.as_ref();
     let j_integrals = joint.model.j_integrals(&*joint.law, &solution);
     let (energies, j_integrals) = (energies.as_slice(), j_integrals.as_slice());
@@ -89,9 +91,9 @@ pub fn simulate(
     let asked = input.case.output.figures.as_deref();
     let solved = |number: &usize| report.solved().any(|(solved, _)| solved == *number);
     for instant in asked.unwrap_or_default().iter().filter(|number| !solved(number)) {
-        warnings.push(format!("[output] figures names instant {instant}, which has no solution"));
+        remarks.push(figure_missing(*instant));
     }
-    let summary = report.summary(absolute(case), seconds, warnings);
+    let summary = report.summary(absolute(case), seconds, remarks);
     write_solution(&folder, &report)?;
     write_loads(&folder, &report)?;
     folder.write_summary(&summary)?;
@@ -132,7 +134,7 @@ fn followed(input: &JointInput) -> Result<Option<FollowOptions>> {
 }
 
 /// What a user should know of a path: where it goes back, and how it ended.
-fn said_of_path(Followed { times, end, .. }: &Followed, n_instants: usize) -> Result<Vec<String>> {
+fn said_of_path(Followed { times, end, .. }: &Followed, n_instants: usize) -> Result<Vec<Remark>> {
     if times.is_empty() {
         let what = "[path] control = \"arc-length\": no point was found; try a smaller step, or leave [path] out";
         return Err(what.into());
@@ -144,24 +146,10 @@ fn said_of_path(Followed { times, end, .. }: &Followed, n_instants: usize) -> Re
         .map(|(point, _)| point)
         .collect();
     if let (Some(first), Some(last)) = (back.first(), back.last()) {
-        said.push(format!(
-            "the path goes back at {} of its {} points, between instants {first} and {last}: no test shows it there, it snaps over them",
-            back.len(),
-            times.len()
-        ));
+        said.push(path_goes_back(back.len(), times.len(), [*first, *last]));
     }
     let at = times.last().copied().unwrap_or(0.0);
-    match end {
-        PathEnd::Last => {}
-        PathEnd::Rest => said.push("the path comes back to rest: the joint is broken".to_owned()),
-        PathEnd::Lost => said.push(format!(
-            "the path is lost at {at:.4} of {n_instants} instants of the case; try a smaller [path] step"
-        )),
-        PathEnd::Points => said.push(format!(
-            "the path ends after {} points at {at:.4} of {n_instants} instants of the case; max_points of [path] allows more",
-            times.len()
-        )),
-    }
+    said.extend(path_ended(*end, times.len(), at, n_instants));
     Ok(said)
 }
 
@@ -170,12 +158,12 @@ fn force(
     input: &JointInput,
     joint: &Joint,
     solution: &Solution,
-    warnings: &mut Vec<String>,
+    remarks: &mut Vec<Remark>,
 ) -> Result<Option<ForceRecord>> {
-    let Some(cell) = Case::load_cell(joint, input, warnings)? else { return Ok(None) };
+    let Some(cell) = Case::load_cell(joint, input, remarks)? else { return Ok(None) };
     let comparison = cell.compare(&joint.model, &*joint.law, solution);
     let record = comparison.map(|comparison| ForceRecord::of(&cell, &comparison, false));
-    warnings.extend(record.as_ref().and_then(|record| record.doubt.clone()));
+    remarks.extend(record.as_ref().and_then(|record| record.remark.clone()));
     Ok(record)
 }
 

@@ -50,11 +50,10 @@ impl Summaries {
 
 impl Tally {
     /// Says and keeps what the engine has found worth saying.
-    pub fn take_notes(&mut self, engine: &Engine, watcher: Watcher<'_>) {
-        for note in engine.take_notes() {
-            watcher(Event::Note(&note));
-            self.summary.messages.push(note);
-        }
+    pub fn take_remarks(&mut self, engine: &Engine, watcher: Watcher<'_>) {
+        let remarks = engine.take_remarks();
+        remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
+        self.summary.remarks.extend(remarks);
     }
 
     /// Writes the summary of the frames so far, in order.

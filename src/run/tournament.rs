@@ -10,6 +10,7 @@ use super::stop::Stop;
 use super::text::absolute;
 use crate::identify::{Case, tournament};
 use crate::io::joint::JointInput;
+use crate::remark::Remark;
 use crate::report::Picture;
 use crate::report::tournament::{TournamentRecord, TournamentReport};
 use rayon::ThreadPool;
@@ -32,13 +33,11 @@ pub fn compare_laws(
 ) -> Result<(TournamentRecord, Outcome)> {
     let joint = Case::joint(input)?;
     let mut of_case = Case::new(&joint, input, case)?;
-    let doubts: Vec<String> = joint.doubts.iter().chain(&of_case.doubts).cloned().collect();
-    doubts.iter().chain(of_case.implausible.iter().map(|value| &value.text)).for_each(|doubt| {
-        watcher(Event::Note(&format!("warning: {doubt}")));
-    });
+    let remarks: Vec<Remark> = joint.remarks.iter().chain(&of_case.remarks).cloned().collect();
+    remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
     let folder = RunFolder::open(output, overwrite)?;
     folder.clear(false, false)?;
-    compared(&mut of_case, &folder, absolute(case), doubts, pool, stop, watcher)
+    compared(&mut of_case, &folder, absolute(case), remarks, pool, stop, watcher)
 }
 
 /// The same of a case that is made already, into a folder that is ready.
@@ -46,7 +45,7 @@ pub(super) fn compared(
     of_case: &mut Case<'_>,
     folder: &RunFolder,
     name: String,
-    doubts: Vec<String>,
+    remarks: Vec<Remark>,
     pool: &ThreadPool,
     stop: &Stop,
     watcher: Watcher<'_>,
@@ -56,7 +55,7 @@ pub(super) fn compared(
     let (heard, watch) = Heard::new(of_case.max_seconds, stop);
     of_case.problem.watch = watch;
     let found = heard.during(pool, watcher, || tournament(&of_case.problem, &of_case.options, &of_case.laws))?;
-    let report = TournamentReport::new(&found, name, of_case.about.clone(), begin.elapsed().as_secs_f64(), doubts);
+    let report = TournamentReport::new(&found, name, of_case.about.clone(), begin.elapsed().as_secs_f64(), remarks);
     folder.write_json(TOURNAMENT, &report.record)?;
     folder.write(TOURNAMENT_TRACTIONS, |out| report.write_tractions(out))?;
     report.draw(|name: String, picture: Picture| save(folder, &name, &picture))?;

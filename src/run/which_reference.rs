@@ -56,20 +56,6 @@ fn begins_as_image(path: &Path) -> bool {
     read.is_ok() && (tiff || bitmap || pnm || starts(b"\x89PNG") || starts(b"\xff\xd8\xff"))
 }
 
-/// What is said of files that were left out.
-pub(super) fn about_texts(texts: &[PathBuf]) -> Option<String> {
-    const NAMED: usize = 5;
-    if texts.is_empty() {
-        return None;
-    }
-    let mut names: Vec<String> = texts.iter().take(NAMED).map(|path| path.display().to_string()).collect();
-    if texts.len() > NAMED {
-        names.push(format!("{} more", texts.len() - NAMED));
-    }
-    let are = if texts.len() == 1 { "is not an image and is" } else { "are not images and are" };
-    Some(format!("{} {are} left out", names.join(", ")))
-}
-
 /// Whether the names of the files contradict that the first of them is the reference.
 ///
 /// # Errors

@@ -5,10 +5,12 @@ use super::error::{Result, RunError};
 use super::frames::{Decoded, Done, Frames, Picture};
 use super::kept::Kept;
 use super::relay::{Known, Relay, Turn};
+use super::remarks::{of_image, of_tracking, reference_refused};
 use super::text::chain;
-use crate::correlate::{Correlate, Correlation, Overlap, ReferenceChain, Start, StartUsed, UpdateRefused};
-use crate::field::{StartFrom, Status, UpdateReference};
+use crate::correlate::{Correlate, Correlation, Overlap, ReferenceChain, Start, UpdateRefused};
+use crate::field::{StartFrom, UpdateReference};
 use crate::io::series::Frame;
+use crate::remark::Remark;
 use crate::report::summary::FrameSummary;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::BTreeMap;
@@ -250,7 +252,7 @@ fn one_frame<'a>(
         }
     };
     let (sha256, taken) = (Some(picture.sha256.clone()), picture.taken.take());
-    let mut notes = std::mem::take(&mut picture.notes);
+    let mut remarks: Vec<Remark> = of_image(number, &picture.notes).into_iter().collect();
     let correlated = match (worker, &turn) {
         (Worker::Tracking(_, own), Some(turn)) => tracked(engine, (pool, own.as_ref()), frames, turn, number, picture)
             .map(|(correlated, known)| (correlated, Some(known))),
@@ -261,16 +263,16 @@ fn one_frame<'a>(
     };
     match correlated {
         Ok((Correlated { result, correlator, seconds, tracked, renewed, refused }, known)) => {
-            notes.extend(about_tracking(&result).filter(|_| tracked).map(str::to_owned));
-            let refused: Vec<String> = refused.iter().map(|refused| chain(refused)).collect();
-            notes.extend(refused.iter().cloned());
-            let mut news = refused;
+            remarks.extend(of_tracking(number, &result).filter(|_| tracked));
+            let refused: Vec<Remark> = refused.iter().map(|refused| reference_refused(number, refused)).collect();
+            let mut news: Vec<String> = refused.iter().map(|remark| remark.text.clone()).collect();
+            remarks.extend(refused);
             if renewed {
                 let reference = result.reference_frame;
                 news.push(format!("frame {number}: measured from frame {reference}, the new reference"));
             }
-            engine.note_colour(number, &result);
-            let mut summary = FrameSummary::of(number, file, notes, &correlator, &result, [seconds, seconds_decode]);
+            engine.remark_colour(number, &result);
+            let mut summary = FrameSummary::of(number, file, remarks, &correlator, &result, [seconds, seconds_decode]);
             let device = correlator.device();
             summary.taken = taken;
             summary.device = (device != engine.first_device()).then(|| device.to_owned());
@@ -284,16 +286,5 @@ fn one_frame<'a>(
             Ok((Done::unreadable(sha256, number, file, message, seconds_decode), without_field(turn)?))
         }
         Err(failure) => Err(failure),
-    }
-}
-
-/// What to say of a frame that was predicted from those before.
-fn about_tracking(result: &Correlation) -> Option<&'static str> {
-    match (result.measurement.status, result.start) {
-        (Status::Converged, StartUsed::Cold) => {
-            Some("the start from the frames before failed; searched for without them")
-        }
-        (Status::Converged, _) => None,
-        _ => Some("neither the start from the frames before nor a search without them converged"),
     }
 }

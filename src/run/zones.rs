@@ -3,12 +3,14 @@
 use super::error::Result;
 use super::found::Found;
 use super::plan::Plan;
+use super::remarks::{of_zone_file, zones_found};
 use super::wanted::name_of;
 use crate::imaging::Image;
 use crate::io::case::{CaseCrack, CaseElements, CaseGuard, CaseZone};
 use crate::io::mask::read_mask;
 use crate::io::mesh_file::read_mesh;
 use crate::mesh::{Crack, Guard, Mask, MeshError, Zone, ZoneElements};
+use crate::remark::Remark;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,7 +20,7 @@ use std::sync::Arc;
 pub(super) struct Zones {
     pub zones: Vec<Zone>,
     /// What a user should know about masks and mesh files, each with its file.
-    pub notes: Vec<String>,
+    pub remarks: Vec<Remark>,
     /// Masks and mesh files with their SHA-256.
     pub files: Vec<(PathBuf, String)>,
     /// Zones that were looked for, since none was named.
@@ -35,8 +37,9 @@ impl Zones {
         let found = Found::on(reference, plan, folder)?;
         plan.zones.clone_from(&found.cases);
         plan.found();
-        let (zones, notes, files) = (found.zones.clone(), vec![found.note.clone()], found.files());
-        Ok(Self { zones, notes, files, found: Some(found) })
+        let (zones, files) = (found.zones.clone(), found.files());
+        let remarks = vec![zones_found(found.note.clone())];
+        Ok(Self { zones, remarks, files, found: Some(found) })
     }
 
     /// The zones `wanted` on an image of `width` x `height` px. Mapped elements have about `size` px.
@@ -94,9 +97,10 @@ impl Zones {
 
     fn mask(&mut self, path: &Path, width: usize, height: usize) -> Result<Arc<Mask>> {
         let loaded = read_mask(path, width, height)?;
-        let file = path.display();
-        self.notes.push(format!("{file}: {:.1} % of the image is white", 100.0 * loaded.share));
-        self.notes.extend(loaded.notes.iter().map(|note| format!("{file}: {note}")));
+        let percent = 100.0 * loaded.share;
+        let white = of_zone_file(path, &format!("{percent:.1} % of the image is white"));
+        self.remarks.push(white.with("white_percent", percent));
+        self.remarks.extend(loaded.notes.iter().map(|note| of_zone_file(path, note)));
         self.files.push((path.to_owned(), loaded.sha256));
         Ok(Arc::new(loaded.mask))
     }
@@ -104,7 +108,7 @@ impl Zones {
     /// A zone for each group of a mesh file, or for the one asked for.
     fn mesh(&mut self, path: &Path, wanted: &CaseZone, region: &Zone) -> Result<()> {
         let mut file = read_mesh(path)?;
-        self.notes.extend(file.notes.iter().map(|note| format!("{}: {note}", path.display())));
+        self.remarks.extend(file.notes.iter().map(|note| of_zone_file(path, note)));
         self.files.push((path.to_owned(), std::mem::take(&mut file.sha256)));
         let groups = match &wanted.group {
             Some(group) => vec![file.group(group, path)?],

@@ -4,8 +4,9 @@
 #![cfg(all(feature = "cli", target_os = "linux"))]
 
 use crate::program::process::{assert_same, end, results, start, wait_for_frames};
-use crate::program::{Desk, HEIGHT, WIDTH, moved};
+use crate::program::{Desk, HEIGHT, WIDTH, moved, remarks};
 use quadrille::imaging::{Image, Pixels};
+use quadrille::remark::{About, Code};
 use std::fs;
 use std::io::Write;
 use std::os::unix::ffi::OsStrExt;
@@ -458,12 +459,10 @@ fn frames_that_a_camera_dropped_doubled_swapped_or_tore_are_named_and_pull_no_ot
     let ran = desk.correlate("--output run --roi 16,16,104,80 --element-size 8 --reference s/t_00.png s/t_*.png");
     assert_eq!(ran.code, Some(1), "{ran}");
     let summary = desk.json("run/summary.json");
-    let messages = summary["messages"].to_string();
-    for word in
-        ["skip 1, first between s/t_03.png and s/t_05.png", "frames 4-5 are copies of the same file", "half black"]
-    {
-        assert!(messages.contains(word), "'{word}' is not said: {messages}");
-    }
+    let missing = &remarks(&summary, Code::FramesMissing)[0];
+    assert_eq!((missing.number("missing"), &missing.values["first_after"]), (Some(1.0), &"s/t_03.png".into()));
+    assert_eq!(remarks(&summary, Code::FramesCopied)[0].about, About::Frames(vec![4, 5]));
+    assert_eq!(remarks(&summary, Code::ImageIncomplete).len(), 1, "{summary:#}");
     for frame in summary["frames"].as_array().unwrap() {
         let file = frame["file"].as_str().unwrap();
         let k: f64 = file[4..6].parse().unwrap();
@@ -510,15 +509,14 @@ fn frames_whose_files_say_that_they_were_taken_at_another_time_are_named() {
     let line = "correlate --export none --element-size 8 --reference s/t_0.tif s/t_*.tif --output run";
     desk.run(line).fine();
     let summary = desk.json("run/summary.json");
-    let said = summary["messages"].to_string();
-    let wanted = "frame 4 seems to be out of order: by the times in the files, s/t_4.tif was taken at 2024-05-01T10:11:02, and \
-                  frame 3, which stands before it, at 2024-05-01T10:11:06";
-    assert!(said.contains(wanted), "{said}");
+    let said = &remarks(&summary, Code::TimesOutOfOrder)[0];
+    assert_eq!((&said.about, &said.values["first_taken"]), (&About::Frames(vec![4]), &"2024-05-01T10:11:02".into()));
+    assert!(said.text.contains("and frame 3, which stands before it, at 2024-05-01T10:11:06"), "{said:?}");
     assert_eq!(summary["frames"][5]["taken"], "2024-05-01T10:11:12");
     // In the order of its times nothing is said; nor of files that have none.
     fs::remove_file(desk.path("s/t_4.tif")).unwrap();
     desk.run(&format!("{line} --overwrite")).fine();
-    assert!(!desk.json("run/summary.json")["messages"].to_string().contains("out of order"));
+    assert_eq!(desk.remarks("run", Code::TimesOutOfOrder), []);
 }
 
 #[test]

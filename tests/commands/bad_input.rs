@@ -3,10 +3,11 @@
 #![cfg(feature = "cli")]
 
 use crate::program;
-use program::{Desk, HEIGHT, INSIDE, WIDTH, assert_moved, moved, speckle};
+use program::{Desk, HEIGHT, INSIDE, WIDTH, assert_moved, moved, remarks, speckle};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 use quadrille::imaging::{Image, Pixels};
+use quadrille::remark::Code;
 use quadrille::synth::{Depth, Translation};
 
 /// Largest error of a node on 8 bit images; see tests/commands/cli.rs.
@@ -410,7 +411,7 @@ fn bad_frames_are_named_with_the_reason_and_the_others_are_measured() {
     for ((name, wanted), (at, frame)) in bad.iter().zip(frames.iter().enumerate().skip(1)) {
         assert_eq!((&frame["file"], &frame["status"]), (&(*name).into(), &"unreadable".into()), "{frame:#}");
         assert_eq!(frame["number"], at + 1);
-        let message = frame["messages"][0].as_str().unwrap();
+        let message = &remarks(frame, Code::FrameUnreadable)[0].text;
         // It stands in the summary and on one line of stderr.
         let said = ran.stderr.lines().find(|line| line.starts_with(&format!("frame {} ({name}): unreadable", at + 1)));
         let said = said.unwrap_or_else(|| panic!("{name} has no line: {ran}"));
@@ -537,7 +538,7 @@ fn assert_cuts_are_survived(name: &str) {
         assert_eq!(frame["file"], format!("cuts/{length}_{name}"));
         if frame["status"] == "unreadable" {
             refused += 1;
-            let message = frame["messages"][0].as_str().unwrap();
+            let message = &remarks(frame, Code::FrameUnreadable)[0].text;
             assert!(message.starts_with(&format!("cuts/{length}_{name}: ")) && message.len() < 300, "{message}");
         } else {
             assert_eq!(frame["status"], "converged", "{frame:#}");

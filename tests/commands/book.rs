@@ -149,12 +149,23 @@ fn flags_in_the_pages_are_flags_of_the_program() {
 
 #[test]
 fn the_reference_of_commands_is_the_one_that_the_program_writes() {
-    let there = fs::read_to_string(root().join("docs/commands.md")).unwrap_or_default();
-    let wanted = Desk::new().run("about commands").printed();
+    assert_written_by("docs/commands.md", "about commands");
+}
+
+#[test]
+fn the_page_on_remarks_is_the_one_that_the_program_writes() {
+    assert_written_by("docs/remarks.md", "about remarks");
+}
+
+/// Whether the page holds what the program prints.
+#[track_caller]
+fn assert_written_by(page: &str, command: &str) {
+    let there = fs::read_to_string(root().join(page)).unwrap_or_default();
+    let wanted = Desk::new().run(command).printed();
     let line = there.lines().zip(wanted.lines()).position(|(there, wanted)| there != wanted);
     assert!(
         there == wanted,
-        "docs/commands.md is not what the program says (line {:?}); write it: quadrille about commands > docs/commands.md",
+        "{page} is not what the program says (line {:?}); write it: quadrille {command} > {page}",
         line.map(|line| line + 1)
     );
 }

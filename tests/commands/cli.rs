@@ -4,9 +4,10 @@
 
 use crate::common::data;
 use crate::program;
-use program::{Desk, HEIGHT, INSIDE, N_INSIDE, WIDTH, assert_moved, moved, speckle};
+use program::{Desk, HEIGHT, INSIDE, N_INSIDE, WIDTH, assert_moved, moved, remarks, speckle};
 use quadrille::imaging::{Image, Pixels};
 use quadrille::io::images::read_image;
+use quadrille::remark::Code;
 use quadrille::synth::{Affine, Depth, Motion, Peel, Translation};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -423,7 +424,7 @@ fn the_page_that_is_asked_for_is_read_and_further_pages_are_mentioned() {
     pages("a.tif", [0.25, 1.5]);
     let ran = desk.correlate(&format!("{INSIDE} --page 0 --output first ref.tif a.tif")).fine();
     assert!(ran.stderr.contains("ref.tif: ") && ran.stderr.contains("2 pages"), "{ran}");
-    assert!(ran.frames("first")[0]["messages"][0].as_str().unwrap().contains("2 pages"), "{ran}");
+    assert!(remarks(&ran.frames("first")[0], Code::ImageFile)[0].text.contains("2 pages"), "{ran}");
     assert_moved(&desk.rows("first/csv/000001.csv"), &Translation([0.25, 0.0]), ROUNDED);
     desk.correlate(&format!("{INSIDE} --page 1 --output second ref.tif a.tif")).fine();
     assert_moved(&desk.rows("second/csv/000001.csv"), &Translation([1.0, 0.0]), ROUNDED);

@@ -3,10 +3,11 @@
 #![cfg(feature = "cli")]
 
 use crate::program;
-use program::{Desk, HEIGHT, INSIDE, Ran, WIDTH, assert_moved, moved, speckle};
+use program::{Desk, HEIGHT, INSIDE, Ran, WIDTH, assert_moved, moved, remarks, speckle};
 use quadrille::imaging::{Image, Levels, Pixels};
 use quadrille::io::csv::DisplacementRow;
 use quadrille::io::mask::{MaskError, read_mask};
+use quadrille::remark::Code;
 use quadrille::synth::{Depth, RenderOptions, Texture, Translation, render};
 use serde_json::Value;
 
@@ -77,11 +78,6 @@ fn frame_names(ran: &Ran<'_>, folder: &str) -> Vec<String> {
 fn zone_names(ran: &Ran<'_>, folder: &str) -> Vec<String> {
     let zones = ran.frames(folder)[0]["zones"].as_array().unwrap().clone();
     zones.iter().map(|zone| zone["name"].as_str().unwrap().to_owned()).collect()
-}
-
-#[track_caller]
-fn messages(ran: &Ran<'_>, folder: &str, frame: usize) -> String {
-    ran.frames(folder)[frame]["messages"].as_array().cloned().unwrap_or_default().iter().map(Value::to_string).collect()
 }
 
 // ---- masks ----
@@ -497,9 +493,9 @@ fn the_share_of_saturated_pixels_is_counted_in_the_zones_and_said_when_it_is_muc
     let wanted = 100.0 * white / (96.0 * 64.0);
     let found = percent(&ran.frames("out")[0]);
     assert!(wanted > 1.0 && (found - wanted).abs() < 1e-9, "{found} instead of {wanted}");
-    let said = messages(&ran, "out", 0);
-    assert!(said.contains("% of the pixels in the zones are saturated (0.0 % at 0, "), "{said}");
-    assert!(said.contains("% at 255)") && said.contains("exposure"), "{said}");
+    let said = &remarks(&ran.frames("out")[0], Code::ImageSaturated)[0];
+    assert_eq!([said.number("black_percent"), said.number("white_percent")], [Some(0.0), Some(found)], "{said:?}");
+    assert!(said.text.contains("% at 255)"), "{said:?}");
     // Floats have no largest level.
     desk.image("ref.tif", &speckle(&Translation([0.0, 0.0]), Depth::F32));
     desk.image("a.tif", &speckle(&Translation([0.25, -0.25]), Depth::F32));
@@ -553,10 +549,8 @@ fn pages_are_frames_beside_a_reference_of_their_own_and_of_several_files_when_as
     // Several files: one page of each, which is said, unless all are asked for.
     let ran = desk.correlate(&format!("{INSIDE} --reference ref.png --output first one.tif two.tif")).fine();
     assert_eq!(frame_names(&ran, "first"), ["one.tif", "two.tif"]);
-    assert!(
-        messages(&ran, "first", 0).contains("2 pages: page 0 is read; --page chooses another, --pages all"),
-        "{ran}"
-    );
+    let said = &remarks(&ran.frames("first")[0], Code::ImageFile)[0].text;
+    assert!(said.contains("2 pages: page 0 is read; --page chooses another, --pages all"), "{ran}");
     let ran = desk.correlate(&format!("{INSIDE} --reference two.tif --page 1 --output second one.tif")).fine();
     assert_eq!(frame_names(&ran, "second"), ["one.tif"]);
     assert_moved(&desk.rows("second/csv/000001.csv"), &Translation([-0.5, 0.5]), ROUNDED);
@@ -572,7 +566,7 @@ fn a_page_that_cannot_be_used_is_one_bad_frame() {
     desk.write("stack.tif", stack(&[moved([0.0; 2]), small, moved([0.5, 0.0])]));
     let ran = desk.correlate(&format!("{INSIDE} --output out stack.tif")).incomplete();
     assert_eq!(ran.statuses("out"), ["unreadable", "converged"]);
-    let said = messages(&ran, "out", 0);
+    let said = &remarks(&ran.frames("out")[0], Code::FrameUnreadable)[0].text;
     assert!(said.contains("stack.tif[1]: the image is 64 x 48 px"), "{said}");
     assert_moved(&desk.rows("out/csv/000002.csv"), &Translation([0.5, 0.0]), ROUNDED);
 }

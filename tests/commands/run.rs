@@ -4,7 +4,9 @@
 
 use crate::common::shared;
 use crate::program::browser::seen;
+use crate::program::remarks;
 use quadrille::mechanics::cohesive::{CohesiveLaw, ExtendedXuNeedleman, Jump};
+use quadrille::remark::Code;
 use quadrille::report::fit::FitRecord;
 use quadrille::report::summary::Summary;
 use quadrille::run::{CaseRun, Event, Outcome, run_case};
@@ -33,7 +35,9 @@ fn run(case: &Path, output: &Path) -> (Option<i32>, String) {
 fn made() -> PathBuf {
     shared::folder("joint", |folder| {
         let test = folder.join("test");
-        assert!(quadrille(&["make", "virtual-test", "--seed", "11", "--output", test.to_str().unwrap()]).status.success());
+        assert!(
+            quadrille(&["make", "virtual-test", "--seed", "11", "--output", test.to_str().unwrap()]).status.success()
+        );
         let (code, said) = run(&folder.join("test/case.toml"), &folder.join("test/run"));
         assert_eq!(code, Some(0), "{said}");
     })
@@ -143,7 +147,7 @@ fn the_virtual_test_states_its_constants_as_exact_and_nothing_of_it_is_implausib
         let has_effect = line["parameters"].as_object().is_some_and(|map| !map.is_empty());
         assert_eq!(has_effect, wanted != "exact", "{line}");
     }
-    assert_eq!(fit["warnings"], serde_json::json!([]));
+    assert_eq!(fit["remarks"], serde_json::json!([]));
     let table = text(made().join("run/budget.csv"));
     assert!(table.lines().any(|line| line.starts_with("E,exact,0,")), "{table}");
 }
@@ -557,12 +561,10 @@ fn instants_that_were_measured_from_a_later_reference_are_named_in_the_fit() {
     assert_eq!(code, Some(0), "{said}");
     assert_eq!(json(out.join("correlation/summary.json"))["reference_updates"], serde_json::json!([8, 16]));
     let fit = json(out.join("fit.json"));
-    let warnings = fit["warnings"].to_string();
-    assert!(
-        warnings.contains("11 of 19 instants, from frame 9 on, were measured from a later reference"),
-        "{warnings}"
-    );
-    assert!(!text(made().join("run/fit.json")).contains("later reference"));
+    let later = &remarks(&fit, Code::ReferenceLater)[0];
+    let numbers = ["instants", "of", "first_frame"].map(|name| later.number(name));
+    assert_eq!(numbers, [Some(11.0), Some(19.0), Some(9.0)], "{later:?}");
+    assert_eq!(remarks(&json(made().join("run/fit.json")), Code::ReferenceLater), []);
     for (name, truth) in [("phi_n", 1.0), ("delta_n", 0.005), ("delta_t", 0.05)] {
         let value = fit["parameters"][name]["value"].as_f64().unwrap();
         // What the elements change (0.5 %, above) and four standard uncertainties of 0.7 % at most.

@@ -9,6 +9,7 @@ use quadrille::correlate::{Correlation, Correlator, Options};
 use quadrille::field::{Brightness, Status};
 use quadrille::imaging::Image;
 use quadrille::io::images::read_image;
+use quadrille::remark::Code;
 use quadrille::report::summary::FrameSummary;
 use quadrille::synth::Translation;
 use std::sync::Arc;
@@ -149,14 +150,14 @@ fn light_that_does_not_settle_with_the_displacement_is_told_of() {
     let told = |lit: Lit| {
         let found = cold(&correlator, &pictures.deformed(lit, 0));
         let summary = FrameSummary::of(1, "frame".into(), Vec::new(), &correlator, &found, [0.0; 2]);
-        let messages = summary.messages.into_iter().filter(|message| message.contains("did not come to rest"));
-        (found, messages.collect::<Vec<_>>())
+        let remarks = summary.remarks.into_iter().filter(|remark| remark.code == Code::LightUnsettled);
+        (found, remarks.collect::<Vec<_>>())
     };
-    let (found, messages) = told(GRADIENT);
-    assert!(found.zones[0].light.is_some_and(|light| !light.unsettled) && messages.is_empty(), "{messages:?}");
-    let (found, messages) = told(WAVES);
+    let (found, remarks) = told(GRADIENT);
+    assert!(found.zones[0].light.is_some_and(|light| !light.unsettled) && remarks.is_empty(), "{remarks:?}");
+    let (found, remarks) = told(WAVES);
     let light = found.zones[0].light.expect("smooth fields");
-    assert!(light.unsettled && messages.len() == 1, "{light:?}, {messages:?}");
+    assert!(light.unsettled && remarks.len() == 1, "{light:?}, {remarks:?}");
     // What it says is true: the standard uncertainty is too small.
     let measured = |node: &usize| found.measurement.measured[*node];
     let errors = node_errors(correlator.mesh(), &found.measurement.displacement, &SHIFT);

@@ -11,6 +11,7 @@ use quadrille::field::{
 use quadrille::io::load::{LoadTable, parse_load};
 use quadrille::io::quantities::QuantityTables;
 use quadrille::mesh::{Mesh, ZoneElements};
+use quadrille::remark::{About, Code, Remark};
 use quadrille::synth::{Motion, Peel, RenderOptions, Texture, render};
 use quadrille::units::{PixelSize, Px};
 use std::collections::BTreeMap;
@@ -572,7 +573,7 @@ fn tables(
     load: &LoadTable,
     fields: &[Option<&Measurement<Px>>],
     mm: bool,
-) -> (BTreeMap<String, String>, Vec<String>, Vec<quadrille::field::Curve>) {
+) -> (BTreeMap<String, String>, Vec<Remark>, Vec<quadrille::field::Curve>) {
     let folder = tempfile::tempdir().unwrap();
     let open = |name: &str| std::fs::File::create(folder.path().join(name));
     let size = mm.then(|| PixelSize::new(0.01).unwrap());
@@ -587,7 +588,7 @@ fn tables(
         let entry = entry.unwrap();
         (entry.file_name().into_string().unwrap(), std::fs::read_to_string(entry.path()).unwrap())
     });
-    (files.collect(), summary.notes, summary.curves)
+    (files.collect(), summary.remarks, summary.curves)
 }
 
 /// The rows of a table as maps from column to cell.
@@ -613,7 +614,7 @@ fn tables_hold_every_frame_with_units_definitions_and_empty_cells() {
         cracks: Vec::new(),
     };
     let load = parse_load("load_N,time_s\n10,1\n20,2\n,3\n", Path::new("l.csv"), 3).unwrap();
-    let (files, notes, curves) = tables(&quantities, &load, &[Some(&first), Some(&second), None], true);
+    let (files, remarks, curves) = tables(&quantities, &load, &[Some(&first), Some(&second), None], true);
     let names: Vec<_> = files.keys().map(String::as_str).collect();
     assert_eq!(names, ["extensometers", "lines", "openings", "openings_mean", "points"]);
     for (name, text) in &files {
@@ -653,14 +654,15 @@ fn tables_hold_every_frame_with_units_definitions_and_empty_cells() {
     assert_near(means[1]["opening_px"].parse().unwrap(), 4.0, 1e-12, "mean opening");
     assert_eq!(means[2]["opening_px"], "");
 
-    let notes = notes.join("\n");
-    for wanted in ["1 of 3 frames have no field, the first is 3", "point 'gap' (50, 110) px", "line 'down'"] {
-        assert!(notes.contains(wanted), "{wanted:?} is missing in {notes}");
+    assert!(remarks.iter().all(|remark| remark.code == Code::CellsEmpty), "{remarks:?}");
+    assert!(remarks.iter().any(|remark| remark.about == About::Frames(vec![3])), "{remarks:?}");
+    // Of two fields: the gap and the line have no value in either, the corner is lost in one.
+    for (place, fields) in [("point 'gap' (50, 110) px", 2.0), ("point 'corner' (24, 20) px", 1.0)] {
+        let of_place = |remark: &&Remark| remark.values.get("place") == Some(&place.into());
+        let found = remarks.iter().find(of_place).unwrap_or_else(|| panic!("{place}: {remarks:?}"));
+        assert_eq!(found.number("fields"), Some(fields), "{place}");
     }
-    assert!(
-        notes.contains("point 'corner' (24, 20) px lies at least in part on nodes that are not measured in 1 of 2"),
-        "{notes}"
-    );
+    assert!(remarks.iter().any(|remark| remark.text.starts_with("line 'down'")), "{remarks:?}");
     let curve =
         curves.iter().find(|c| c.name == "joint" && c.quantity == "opening_px" && c.against == "load_N").unwrap();
     assert_eq!(curve.x, [10.0, 20.0]);

@@ -3,8 +3,9 @@
 #[allow(dead_code)]
 use crate::common::spots;
 use crate::program;
-use program::Desk;
+use program::{Desk, remarks};
 use quadrille::imaging::{Image, Pixels};
+use quadrille::remark::{About, Code};
 use spots::{Spots, moved};
 use std::sync::Arc;
 
@@ -20,13 +21,6 @@ fn desk(images: &[(&str, f64)]) -> Desk {
     let desk = Desk::new();
     images.iter().for_each(|(name, u)| desk.image(name, &image(*u)));
     desk
-}
-
-/// The messages of the series in summary.json.
-fn messages(desk: &Desk) -> Vec<String> {
-    let summary = desk.json("out/summary.json");
-    let messages = summary["messages"].as_array().cloned().unwrap_or_default();
-    messages.iter().map(|message| message.as_str().unwrap().to_owned()).collect()
 }
 
 #[test]
@@ -55,7 +49,8 @@ fn a_text_beside_the_images_is_not_taken_for_the_reference_and_is_named() {
     assert!(ran.stderr.contains("s/notes.txt is not an image and is left out"), "{ran}");
     let ran = desk.run_words(&["correlate", "--output", "out", "--overwrite", "--roi", "32,32,128,96", "s/*"]).fine();
     assert!(ran.stderr.contains("reference s/shot_1.png"), "{ran}");
-    assert!(messages(&desk).iter().any(|message| message.contains("s/notes.txt")), "{:?}", messages(&desk));
+    let left_out = desk.remarks("out", Code::FilesLeftOut);
+    assert_eq!((left_out.len(), &left_out[0].values["first"]), (1, &"s/notes.txt".into()), "{ran}");
     // Alone with the reference it was meant, and is no image.
     let ran = desk.correlate(&format!("--output two {ROI} --reference s/shot_1.png s/notes.txt"));
     assert_ne!(ran.code, Some(0), "{ran}");
@@ -67,10 +62,10 @@ fn copies_are_named() {
     desk.write("a_4.png", desk.bytes("a_3.png"));
     desk.write("a_5.png", desk.bytes("a_1.png"));
     let ran = desk.correlate(&format!("--output out {ROI} a_1.png a_2.png a_3.png a_4.png a_5.png")).fine();
-    let said = messages(&desk);
-    assert!(said.iter().any(|m| m.contains("frame 4 is the same image as the reference")), "{said:?}\n{ran}");
-    assert!(said.iter().any(|m| m.contains("frames 2-3 are copies of the same file")), "{said:?}\n{ran}");
-    assert!(ran.stderr.contains("frames 2-3 are copies"), "{ran}");
+    let about = |code: Code| desk.remarks("out", code).into_iter().map(|remark| remark.about).collect::<Vec<_>>();
+    assert_eq!(about(Code::SameAsReference), [About::Frames(vec![4])], "{ran}");
+    assert_eq!(about(Code::FramesCopied), [About::Frames(vec![2, 3])], "{ran}");
+    assert!(ran.stderr.contains("warning: frames 2-3 are copies"), "{ran}");
 }
 
 #[test]
@@ -84,7 +79,9 @@ fn a_half_black_image_is_named_with_its_rows() {
     let summary = desk.json("out/summary.json");
     assert_eq!(summary["frames"][1]["blank"], serde_json::json!({ "rows": [64, 95] }), "{ran}");
     assert_eq!(summary["frames"][0].get("blank"), None);
-    assert!(messages(&desk).iter().any(|m| m.contains("frame 2 is half black, torn, or not whole")), "{ran}");
+    assert_eq!(desk.remarks("out", Code::ImageIncomplete)[0].about, About::Frames(vec![2]), "{ran}");
+    let of_frame = remarks(&summary["frames"][1], Code::ImageIncomplete);
+    assert_eq!([of_frame[0].number("first_px"), of_frame[0].number("last_px")], [Some(64.0), Some(95.0)], "{ran}");
 }
 
 #[test]
@@ -97,12 +94,12 @@ fn a_shuffled_series_is_told_and_a_cyclic_one_is_not() {
         let desk = desk(&names.iter().enumerate().map(|(k, name)| (name.as_str(), of(k))).collect::<Vec<_>>());
         let files: Vec<&str> = order.iter().map(|&k| names[k].as_str()).collect();
         desk.correlate(&format!("--output out {ROI} {}", files.join(" "))).fine();
-        messages(&desk)
+        desk.json("out/summary.json")
     };
-    let said = run(&grows, &shuffled);
-    assert!(said.iter().any(|m| m.contains("shuffled")), "{said:?}");
-    for said in [run(&grows, &[0, 1, 2, 3, 4, 5, 6, 7, 8]), run(&cyclic, &[0, 1, 2, 3, 4, 5, 6, 7, 8])] {
-        assert!(said.is_empty(), "{said:?}");
+    let said = remarks(&run(&grows, &shuffled), Code::FramesShuffled);
+    assert!(said[0].number("way_by_name_px") < said[0].number("way_px"), "{said:?}");
+    for summary in [run(&grows, &[0, 1, 2, 3, 4, 5, 6, 7, 8]), run(&cyclic, &[0, 1, 2, 3, 4, 5, 6, 7, 8])] {
+        assert_eq!(summary.get("remarks"), None);
     }
 }
 
@@ -110,7 +107,6 @@ fn a_shuffled_series_is_told_and_a_cyclic_one_is_not() {
 fn a_series_that_grows_from_its_last_image_is_told() {
     let desk = desk(&[("a.png", 0.5), ("b.png", 1.0), ("c.png", 1.5), ("d.png", 2.0), ("e.png", 0.0)]);
     let ran = desk.correlate(&format!("--output out {ROI} a.png b.png c.png d.png e.png")).fine();
-    let said = messages(&desk);
-    assert!(said.iter().any(|m| m.contains("the motion grows from its last image, e.png")), "{said:?}");
+    assert_eq!(desk.remarks("out", Code::OrderReversed)[0].values["last"], "e.png".into());
     assert!(ran.stderr.contains("fits better the other way"), "{ran}");
 }

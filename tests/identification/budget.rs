@@ -13,6 +13,7 @@ use quadrille::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
 use quadrille::mechanics::{
     BoundaryHistory, ForwardOptions, Joint, JointMesh, Kinematics, Model, ModelOptions, NodeGroup,
 };
+use quadrille::remark::{About, Remark};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -102,8 +103,8 @@ fn with_force(mut input: JointInput, kinematics: Kinematics) -> JointInput {
     let law = ExtendedXuNeedleman::new(phi_n, delta_n, delta_t, r).unwrap();
     let force = |u: &Vec<[f64; 2]>| Some(WIDTH * model.reactions(&law, u, &groups)[1][1]);
     let values = fields(kinematics).iter().map(force).collect();
-    let (path, column, notes) = ("load.csv".into(), "load_N".into(), Vec::new());
-    input.force = Some(ForceInput { path, column, values, notes });
+    let (path, column, remarks) = ("load.csv".into(), "load_N".into(), Vec::new());
+    input.force = Some(ForceInput { path, column, values, remarks });
     let (group, width_mm, std_n) = (Some("upper".to_owned()), Some(WIDTH), Some(0.3));
     input.case.force = Some(CaseForce { group, width_mm, std_n, ..CaseForce::default() });
     input
@@ -480,13 +481,22 @@ fn without_a_scale_what_is_told_in_pixels_is_not_stated_and_said_to_be_so() {
     }
 }
 
+/// The parameters that remarks are about, and what they say.
+fn about(remarks: &[Remark]) -> Vec<(String, String)> {
+    let of = |remark: &Remark| match &remark.about {
+        About::Parameter(name) => (name.clone(), remark.text.clone()),
+        other => panic!("{other:?}"),
+    };
+    remarks.iter().map(of).collect()
+}
+
 /// Names of what is implausible of the case.
 fn implausible(change: impl FnOnce(&mut JointInput)) -> Vec<(String, String)> {
     let mut input = input("", "");
     change(&mut input);
     let joint = Case::joint(&input).unwrap();
     let case = Case::new(&joint, &input, Path::new("case.toml")).unwrap();
-    case.implausible.iter().map(|value| (value.name.clone(), value.text.clone())).collect()
+    about(&case.remarks)
 }
 
 #[test]
@@ -560,25 +570,28 @@ fn values_that_nothing_has_are_named_with_what_may_be_meant() {
 
 #[test]
 fn a_result_that_nothing_has_is_named() {
-    assert_eq!(fitted(&input("", "")).implausible, []);
+    assert_eq!(fitted(&input("", "")).remarks, []);
     let joint = Case::joint(&input("", "")).unwrap();
     let input = input("", "");
     let case = Case::new(&joint, &input, Path::new("case.toml")).unwrap();
     let of = |phi_n: f64, delta_n: f64, delta_t: f64, r: f64| {
         let law = ExtendedXuNeedleman::new(phi_n, delta_n, delta_t, r).unwrap();
-        quadrille::identify::implausible_result(&case.problem, &law)
+        about(&quadrille::identify::implausible_result(&case.problem, &law))
     };
-    let names = |list: &[quadrille::identify::Implausible]| list.iter().map(|v| v.name.clone()).collect::<Vec<_>>();
+    let names = |list: &[(String, String)]| list.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
     assert_eq!(names(&of(8e-4, 0.005, 0.05, 4.0)), ["phi_n"]);
-    assert!(of(8e-4, 0.005, 0.05, 4.0)[0].text.contains("0.80 J/m^2"));
+    assert!(of(8e-4, 0.005, 0.05, 4.0)[0].1.contains("0.80 J/m^2"));
     assert!(names(&of(200.0, 0.05, 0.05, 4.0)).contains(&"phi_n".to_owned()));
     assert!(names(&of(100.0, 0.005, 0.05, 0.1)).contains(&"T_n_max".to_owned()));
     assert!(names(&of(10.0, 0.005, 0.005, 4.0)).contains(&"T_t_max".to_owned()));
     // Only the first slope loaded: in one mode, in both.
     let opening = of(20.0, 0.5, 0.05, 0.2);
-    assert!(opening.iter().any(|v| v.name == "opening" && v.text.contains("other mode alone")), "{opening:?}");
+    assert!(opening.iter().any(|(name, text)| name == "opening" && text.contains("other mode alone")), "{opening:?}");
     let both = of(20.0, 0.5, 1.5, 2.0);
-    assert!(both.iter().any(|v| v.name == "sliding" && v.text.contains("all else of it is extrapolated")), "{both:?}");
+    assert!(
+        both.iter().any(|(name, text)| name == "sliding" && text.contains("all else of it is extrapolated")),
+        "{both:?}"
+    );
 }
 
 /// The joint of the case under its own law alone: what is stated of uncertainties is no hindrance.

@@ -65,8 +65,8 @@ impl Known {
         let drives = Drives::default();
         let measured = MeasuredMesh { mesh: self.mesh.clone(), prescribed: nodes, carry: None, drives };
         let law = Box::new(adhesive([1.0; 4]));
-        let (groups, removed, doubts) = (Vec::new(), Vec::new(), Vec::new());
-        Joint { model, law, boundary, measured, groups, removed, doubts }
+        let (groups, removed, remarks) = (Vec::new(), Vec::new(), Vec::new());
+        Joint { model, law, boundary, measured, groups, removed, remarks }
     }
 
     /// What is to be fitted to `fields`, the border being prescribed as they say.

@@ -219,7 +219,7 @@ fn run(folder: &Path, name: &str, case: &str) -> Found {
     let (mut found, mut notes) = (BTreeMap::new(), Vec::new());
     let mut watcher = |event: Event<'_>| match event {
         Event::Identified { fit, .. } => found = values(fit),
-        Event::Note(line) => notes.push(line.to_owned()),
+        Event::Remark(remark) => notes.push(remark.text.clone()),
         _ => {}
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();

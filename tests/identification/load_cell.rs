@@ -5,6 +5,7 @@ use mechanics_common::{adhesive, aluminium, assert_close, measured_table};
 use quadrille::identify::{Case, Fit, Outcome, fit};
 use quadrille::io::joint::read_joint;
 use quadrille::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, Model, ModelOptions, NodeGroup};
+use quadrille::remark::Code;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -214,7 +215,7 @@ fn a_width_that_is_wrong_by_a_tenth_contradicts_the_fields() {
         let comparison = cell.compare(&case.problem.joint.model, &*law, found.solution()).unwrap();
         // The fields tell the law to some 2 %.
         assert!((comparison.scale.unwrap() - 10.0 / 11.0).abs() < 0.05, "{comparison:?}");
-        assert!(comparison.doubt(cell).unwrap().contains("width"), "{comparison:?}");
+        assert!(comparison.remark(cell).unwrap().code == Code::ForceScaled, "{comparison:?}");
     });
     // Where the width may be off by that much it is not refused.
     let force = "[force]\nfile = 'load.csv'\ngroup = 'upper'\nwidth_mm = 11\nwidth_mm_std = 1\nstd_N = 2\n";
@@ -238,7 +239,7 @@ fn a_force_that_is_not_used_is_held_against_the_prediction() {
         let comparison = cell.compare(&case.problem.joint.model, &*law, found.solution()).unwrap();
         // The noise of the load cell is 2 N, eight times.
         assert!(comparison.points.len() == 8 && comparison.rms_n > 0.8 && comparison.rms_n < 4.0, "{comparison:?}");
-        assert!(comparison.doubt(cell).is_none() && comparison.text(cell).contains("upper"));
+        assert!(comparison.remark(cell).is_none() && comparison.text(cell).contains("upper"));
         // The same fit as without it.
         assert!((found.parameters[0].value / plain - 1.0).abs() < 1e-9);
     });
@@ -247,7 +248,7 @@ fn a_force_that_is_not_used_is_held_against_the_prediction() {
         let law = case.problem.unknowns.law_at(&found.evaluation.x).unwrap();
         let cell = case.force.as_ref().unwrap();
         let comparison = cell.compare(&case.problem.joint.model, &*law, found.solution()).unwrap();
-        assert!(comparison.doubt(cell).unwrap().contains("opposite sign"));
+        assert_eq!(comparison.remark(cell).unwrap().code, Code::ForceOpposite);
     });
 }
 

@@ -3,6 +3,7 @@
 use quadrille::io::load::{
     FrameTimes, LoadColumn, LoadError, LoadTable, parse_load, parse_record, read_frame_times, read_load,
 };
+use quadrille::remark::{About, Code};
 use std::path::Path;
 
 fn parse(text: &str, n_frames: usize) -> Result<LoadTable, LoadError> {
@@ -166,7 +167,7 @@ fn units_in_a_line_of_their_own_are_understood_and_converted() {
         assert_eq!(table.columns[1].name, "Load_N", "{text:?}");
         let off = table.columns[1].values.iter().zip(TWO).map(|(found, want)| (found.unwrap() - want.unwrap()).abs());
         assert!(off.fold(0.0, f64::max) < 1e-12, "{text:?}: {table:?}");
-        assert_eq!(table.notes.len(), 1, "{:?}", table.notes);
+        assert_eq!(table.remarks.len(), 1, "{:?}", table.remarks);
     }
     let read = columns("Axial_Force;Axial_Way\nkN;mm\n1;2\n", 1);
     assert_eq!(read[0], ("Axial_Force_N".to_owned(), vec![Some(1000.0)]), "a name with a mark in it has no unit");
@@ -196,7 +197,9 @@ fn a_record_is_interpolated_between_its_rows_and_ends_with_them() {
         [None, Some(0.0), None, None, None, None, None, Some(6.0)],
         "an empty cell is not bridged"
     );
-    assert!(table.notes[0].contains("frames 1, 11 lie outside the load record (1 to 5 s)"), "{:?}", table.notes);
+    let outside = &table.remarks[0];
+    assert_eq!((outside.code, &outside.about), (Code::LoadOutside, &About::Frames(vec![1, 11])));
+    assert_eq!([outside.number("from_s"), outside.number("to_s")], [Some(1.0), Some(5.0)]);
     let stress = table.with_stress(2.0, Path::new("test/load.csv")).unwrap();
     assert_eq!(stress.columns[3].name, "stress_MPa");
     assert_eq!(stress.columns[3].at(4), Some(5.0));
@@ -208,7 +211,7 @@ fn clock_times_count_from_the_first_row_or_join_two_clocks() {
     let table = record(text, "clock", &FrameTimes::every(2.5, 0.0, 3)).unwrap();
     assert_eq!(table.columns[1].values, [Some(25.0), Some(50.0), Some(75.0)]);
     assert_eq!(table.columns[0].name, "Clock_s");
-    assert!(table.notes[0].contains("counted from the first row (10:31:00,0)"), "{:?}", table.notes);
+    assert!(table.remarks[0].text.contains("counted from the first row (10:31:00,0)"), "{:?}", table.remarks);
     let folder = tempfile::tempdir().unwrap();
     let camera = folder.path().join("camera.csv");
     std::fs::write(&camera, "name,timestamp\na.tif,10:31:01\nb.tif,10:31:09.5\n").unwrap();

@@ -519,8 +519,8 @@ fn a_peel_test_is_identified_with_finite_rotations_and_small_ones_say_what_they_
         }
     }
     assert!(said.contains("small rotations do not hold") && said.contains("phi_n by"), "{said}");
-    let warnings = fit["warnings"].as_array().unwrap();
-    assert!(warnings.iter().any(|line| line.as_str().unwrap().contains("small rotations do not hold")));
+    let warned = fit["remarks"].as_array().unwrap().iter().any(|remark| remark["code"] == "rotations-matter");
+    assert!(warned, "{}", fit["remarks"]);
     // Nobody reads that something is determined.
     let verdict = &fit["verdict"];
     assert!(verdict["outcome"] != "determined" && verdict["determined"] == false, "{verdict}");

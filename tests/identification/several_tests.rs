@@ -8,6 +8,7 @@ use quadrille::io::joint::{IdentifyInput, JointFileError, TestsInput, read_ident
 use quadrille::mechanics::cohesive::ExtendedXuNeedleman;
 use quadrille::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
 use quadrille::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, Model, ModelOptions};
+use quadrille::remark::{About, Code, Remark};
 use quadrille::virtual_test::{Mixity, VirtualOptions, VirtualTest};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -140,14 +141,14 @@ fn read(folder: &Path) -> Result<TestsInput, JointFileError> {
     }
 }
 
-fn combined(input: &TestsInput) -> Result<(CombinedFit, Vec<String>), FitError> {
+fn combined(input: &TestsInput) -> Result<(CombinedFit, Vec<Remark>), FitError> {
     let joints = CombinedCase::joints(input)?;
     let case = CombinedCase::new(&joints, input)?;
-    Ok((fit_combined(&case)?, case.doubts.clone()))
+    Ok((fit_combined(&case)?, case.remarks.clone()))
 }
 
 #[track_caller]
-fn fitted_together(folder: &Path) -> (CombinedFit, Vec<String>) {
+fn fitted_together(folder: &Path) -> (CombinedFit, Vec<Remark>) {
     combined(&read(folder).unwrap()).unwrap()
 }
 
@@ -180,10 +181,10 @@ fn relative(p: &FittedParameter) -> f64 {
 #[test]
 fn an_opening_and_a_sliding_test_determine_together_what_neither_does_alone() {
     let folder = both(2);
-    let (together, doubts) = fitted_together(folder.path());
+    let (together, remarks) = fitted_together(folder.path());
     let verdict = &together.fit().verdict;
     let text = verdict.sentences.join(". ");
-    assert!(doubts.is_empty() && verdict.outcome == Outcome::Determined, "{doubts:?} {text}");
+    assert!(remarks.is_empty() && verdict.outcome == Outcome::Determined, "{remarks:?} {text}");
     for (p, truth) in together.fit().parameters.iter().zip(TRUTH) {
         // Known to 10 % or better, and within three of that.
         assert!(relative(p) < 10.0 && (p.value - truth).abs() < 3.0 * p.std_noise.unwrap(), "{p:?}");
@@ -266,7 +267,7 @@ fn the_same_test_twice_has_the_uncertainty_by_the_root_of_two_and_is_named() {
         write_test(&folder.path().join(name), Loading::Opening, NOISE, 3);
     }
     write_combined(folder.path(), &["one", "two"], "");
-    let (twice, doubts) = fitted_together(folder.path());
+    let (twice, remarks) = fitted_together(folder.path());
     let once = fitted_alone(&folder.path().join("one/case.toml"));
     for (a, b) in twice.fit().parameters.iter().zip(&once.parameters) {
         // The same minimum, to what the last steps of two searches leave.
@@ -274,7 +275,8 @@ fn the_same_test_twice_has_the_uncertainty_by_the_root_of_two_and_is_named() {
         let ratio = a.std_noise.unwrap() / b.std_noise.unwrap();
         assert!((ratio - 0.5_f64.sqrt()).abs() < 1e-6, "{ratio}");
     }
-    assert!(doubts.iter().any(|doubt| doubt.contains("\"one\" and \"two\" hold the same displacements")), "{doubts:?}");
+    let both = About::Tests(vec!["one".into(), "two".into()]);
+    assert!(remarks.iter().any(|r| r.code == Code::DataTwice && r.about == both), "{remarks:?}");
     // Two opening tests: the same kind is still missing.
     let text = twice.fit().verdict.sentences.join(". ");
     assert!(text.contains("a sliding test"), "{text}");
@@ -316,11 +318,11 @@ fn tests_in_other_units_of_length_and_with_other_pixels_fit_when_each_states_its
     let case = std::fs::read_to_string(sliding.join("case.toml")).unwrap();
     let case = case.replace(&format!("pixel_size_mm = {PIXEL_MM}"), &format!("pixel_size_mm = {px}"));
     std::fs::write(sliding.join("case.toml"), case.replace("exact = true\n", "")).unwrap();
-    let (mixed, doubts) = fitted_together(folder.path());
+    let (mixed, remarks) = fitted_together(folder.path());
     for (a, b) in mixed.fit().parameters.iter().zip(&in_mm.fit().parameters) {
         assert!((a.value / b.value - 1.0).abs() < 1e-9, "{a:?}");
     }
-    assert!(doubts.is_empty(), "{doubts:?}");
+    assert!(remarks.is_empty(), "{remarks:?}");
     // Each scale is an uncertainty of its own; the opening test says that its is exact. A contradiction is refused.
     let lines: Vec<&str> = mixed.fit().budget.lines.iter().map(|line| line.name.as_str()).collect();
     assert!(lines.contains(&"pixel_size (sliding)") && lines.contains(&"pixel_size (opening)"), "{lines:?}");
@@ -464,13 +466,12 @@ fn what_cannot_be_fitted_together_is_said_with_the_test_that_is_to_blame() {
     let in_um = case.replace(&format!("gap_mm = {GAP}"), &format!("gap_mm = {}", 1e3 * GAP));
     std::fs::write(&sliding, in_um.replace("E_MPa = 72000.0", "E_MPa = 72.0")).unwrap();
     let input = read(folder.path()).unwrap();
-    let doubts = CombinedCase::joints(&input).map(|joints| CombinedCase::new(&joints, &input).map(|case| case.doubts));
-    let said = match doubts {
-        Ok(Ok(doubts)) => doubts.join(". "),
+    let made = CombinedCase::joints(&input).map(|joints| CombinedCase::new(&joints, &input).map(|case| case.remarks));
+    match made {
+        Ok(Ok(remarks)) => assert!(remarks.iter().any(|r| r.code == Code::ThicknessDiffers), "{remarks:?}"),
         // The border then lies beside the nodes.
-        Ok(Err(error)) | Err(error) => error.to_string(),
-    };
-    assert!(said.contains("lengths in another unit?") || said.contains("\"sliding\""), "{said}");
+        Ok(Err(error)) | Err(error) => assert!(error.to_string().contains("\"sliding\""), "{error}"),
+    }
 }
 
 /// A case by the program.

@@ -8,6 +8,7 @@ use quadrille::field::ElementMark;
 use quadrille::imaging::Image;
 use quadrille::io::csv::{DisplacementRow, read_displacements};
 use quadrille::io::images::write_image;
+use quadrille::remark::{Code, Remark};
 use quadrille::synth::{Depth, Motion, RenderOptions, Texture, Translation, render};
 use serde_json::Value;
 use std::io::Read;
@@ -40,6 +41,13 @@ pub fn speckle(motion: &impl Motion, depth: Depth) -> Image {
 #[track_caller]
 pub fn moved(u: [f64; 2]) -> Image {
     speckle(&Translation(u), Depth::U8)
+}
+
+/// The remarks of `code` in what a file holds of a run, a frame or a fit.
+#[track_caller]
+pub fn remarks(of: &Value, code: Code) -> Vec<Remark> {
+    let all = of.get("remarks").map_or(Vec::new(), |list| serde_json::from_value::<Vec<Remark>>(list.clone()).unwrap());
+    all.into_iter().filter(|remark| remark.code == code).collect()
 }
 
 /// A folder to run the program in.
@@ -91,6 +99,12 @@ impl Desk {
     #[track_caller]
     pub fn json(&self, name: &str) -> Value {
         serde_json::from_str(&self.read(name)).unwrap()
+    }
+
+    /// The remarks of `code` on the whole run in `folder`.
+    #[track_caller]
+    pub fn remarks(&self, folder: &str, code: Code) -> Vec<Remark> {
+        remarks(&self.json(&format!("{folder}/summary.json")), code)
     }
 
     #[track_caller]

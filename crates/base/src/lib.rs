@@ -10,4 +10,5 @@ pub mod isa;
 pub mod linalg;
 pub mod mesh;
 pub mod parts;
+pub mod remark;
 pub mod units;

@@ -3,6 +3,7 @@
 mod asked;
 mod error;
 mod raw;
+mod remarks;
 mod times;
 mod units;
 
@@ -10,6 +11,7 @@ pub use asked::read_as_asked;
 pub use error::LoadError;
 pub use times::{FrameTimes, parse_frame_times};
 
+use crate::remark::Remark;
 use error::STRESS;
 use raw::{RawTable, Wanted};
 use std::io::ErrorKind;
@@ -54,7 +56,7 @@ pub struct LoadTable {
     /// The columns, in the order of the file, without the number of the frame.
     pub columns: Vec<LoadColumn>,
     /// What to know about them: units that were converted, frames without a value.
-    pub notes: Vec<String>,
+    pub remarks: Vec<Remark>,
 }
 
 impl LoadTable {
@@ -70,7 +72,7 @@ impl LoadTable {
             let columns = self.columns.iter().map(|column| column.name.clone()).collect();
             return Err(LoadError::Force { path: path.to_owned(), columns });
         };
-        self.notes.push(format!("{STRESS}: {} over {area_mm2} mm2", force.name));
+        self.remarks.push(remarks::stress(STRESS, &force.name, area_mm2));
         let values = force.values.iter().map(|value| value.map(|force| force / area_mm2)).collect();
         self.columns.push(LoadColumn { name: STRESS.to_owned(), values });
         Ok(self)
@@ -152,7 +154,7 @@ pub fn read_frame_times(path: &Path, n_frames: usize) -> Result<FrameTimes, Load
 /// A header with a unit at the end of each name (`load_N`, `load [N]` or `load (N)`; `_1` or `[-]` for none), or names and in
 /// the line below them their units; then one row per image. Columns are separated by `,`, `;` or tabs; where they are not
 /// separated by `,`, numbers may have a decimal comma. Lines that begin with `#` and empty lines are passed over; an empty cell
-/// is a value that is not known. Forces, lengths, times and stresses become N, mm, s and MPa ([`LoadTable::notes`] says from
+/// is a value that is not known. Forces, lengths, times and stresses become N, mm, s and MPa ([`LoadTable::remarks`] says from
 /// what). A column `frame` gives the number of the deformed image, from 1 (0, the reference, is passed over), in any
 /// order and with gaps; without it, rows are the deformed images in order, or all images with the reference first.
 ///
@@ -162,7 +164,7 @@ pub fn read_frame_times(path: &Path, n_frames: usize) -> Result<FrameTimes, Load
 /// let table = parse_load("Time;Load\ns;kN\n0;0\n1,5;2,25\n3;4\n", "load.csv".as_ref(), 2)?;
 /// assert_eq!(table.columns[1].name, "Load_N");
 /// assert_eq!(table.columns[1].values, [Some(2250.0), Some(4000.0)]);
-/// assert_eq!(table.notes, ["Load_N: kN in the load file, times 1000"]);
+/// assert_eq!(table.remarks[0].text, "Load_N: kN in the load file, times 1000");
 /// # Ok::<(), quadrille::io::load::LoadError>(())
 /// ```
 ///
@@ -183,11 +185,11 @@ pub fn parse_load(text: &str, path: &Path, n_frames: usize) -> Result<LoadTable,
         }
         LoadColumn { name: name.clone(), values: of_frames }
     });
-    Ok(LoadTable { columns: columns.collect(), notes: table.notes.clone() })
+    Ok(LoadTable { columns: columns.collect(), remarks: table.remarks.clone() })
 }
 
 /// The record with the content `text` at the times of the frames: between its rows every column is interpolated linearly. A
-/// frame outside the record, or beside a cell that is empty, has no value; [`LoadTable::notes`] says so.
+/// frame outside the record, or beside a cell that is empty, has no value; [`LoadTable::remarks`] says so.
 ///
 /// The column `time` (by its name with or without unit) is in s, ms, min or h, or holds clock times (`10:31:05.20`,
 /// `2024-05-07 10:31:05`); it does not fall. It becomes the time of each frame.

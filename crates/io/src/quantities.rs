@@ -11,6 +11,7 @@ use crate::field::{
     PointValues, Quantities, Status, StrainWindows, TipState, Value,
 };
 use crate::mesh::Mesh;
+use crate::remark::{About, Code, Remark};
 use crate::units::{PixelSize, Px};
 use std::io::{self, Write};
 
@@ -46,8 +47,8 @@ pub struct QuantitySummary {
     /// Every point, extensometer and mean opening against each column of the load file, or against the frame without
     /// one.
     pub curves: Vec<Curve>,
-    /// What has no value and where: to be told to the user.
-    pub notes: Vec<String>,
+    /// What has no value and where, and how the load file was read.
+    pub remarks: Vec<Remark>,
     /// The cracks over the frames.
     pub cracks: Vec<CrackHistory>,
 }
@@ -431,16 +432,18 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                 curves.extend(over(&column.name, &|frame| column.at(frame)));
             }
         }
-        let mut notes = self.load.notes.clone();
+        let mut remarks = self.load.remarks.clone();
         if let Some(first) = self.without_field.first() {
             let n = self.without_field.len();
-            notes.push(format!(
+            let text = format!(
                 "{n} of {} frames have no field, the first is {first}: their cells are empty",
                 self.frames.len()
-            ));
+            );
+            let about = About::Frames(self.without_field.clone());
+            remarks.push(Remark::new(Code::CellsEmpty, about, text));
         }
         for (what, n) in self.missing.iter().filter(|(_, n)| *n > 0) {
-            notes.push(match *n == self.n_fields {
+            let text = match *n == self.n_fields {
                 true => format!(
                     "{what} lies at least in part outside the mesh or on nodes that are not measured: cells are empty"
                 ),
@@ -448,18 +451,20 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                     "{what} lies at least in part on nodes that are not measured in {n} of {} fields: cells are empty",
                     self.n_fields
                 ),
-            });
+            };
+            remarks
+                .push(Remark::new(Code::CellsEmpty, About::Run, text).with("place", what.as_str()).with("fields", *n));
         }
-        notes.extend(
-            self.quantities.cracks.iter().zip(&self.cracks).filter_map(|((_, crack), history)| history.note(crack)),
+        remarks.extend(
+            self.quantities.cracks.iter().zip(&self.cracks).filter_map(|((_, crack), history)| history.remark(crack)),
         );
-        Ok(QuantitySummary { curves, notes, cracks: self.cracks })
+        Ok(QuantitySummary { curves, remarks, cracks: self.cracks })
     }
 }
 
 impl CrackHistory {
     /// What a user should know: a crack that has grown beyond its path, stress intensities that could not be found.
-    fn note(&self, crack: &CrackLine) -> Option<String> {
+    fn remark(&self, crack: &CrackLine) -> Option<Remark> {
         let tips = || self.frames.iter().flat_map(|frame| frame.tips.iter().map(|tip| (frame.number, tip)));
         let n = self.frames.len();
         let mut said = Vec::new();
@@ -493,7 +498,8 @@ impl CrackHistory {
                 );
             }
         }
-        (!said.is_empty()).then(|| format!("crack '{}' {}", self.name, said.join("; ")))
+        let text = format!("crack '{}' {}", self.name, said.join("; "));
+        (!said.is_empty()).then(|| Remark::new(Code::CrackTip, About::Crack(self.name.clone()), text))
     }
 }
 

@@ -2,7 +2,7 @@
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used))]
 
-pub use quadrille_base::{field, imaging, linalg, mesh, units};
+pub use quadrille_base::{field, imaging, linalg, mesh, remark, units};
 pub use quadrille_io as io;
 
 pub mod identify;

@@ -32,6 +32,8 @@ pub enum About {
     Case,
     /// Write the reference of all commands, as Markdown: docs/commands.md.
     Commands,
+    /// Write what each remark means and what to do about it, by its code, as Markdown: docs/remarks.md.
+    Remarks,
     /// Write what a shell needs to complete commands and options.
     Completions {
         /// The shell.

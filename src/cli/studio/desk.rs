@@ -133,10 +133,10 @@ impl Studied {
         if self.job.is_running() {
             return Err("a run is in progress: what is drawn is checked when it has ended".into());
         }
-        let Checked { zones, nodes, elements, without_texture, notes } = check(&self.plan(text)?.0, &self.pool)?;
+        let Checked { zones, nodes, elements, without_texture, remarks } = check(&self.plan(text)?.0, &self.pool)?;
         let mesh = json!({ "nodes": rounded(nodes.iter().flatten(), 2), "elements": elements });
         let zones: Vec<Value> = zones.iter().map(zone).collect();
-        Ok(Answer::json(&json!({"zones": zones, "notes": notes, "without_texture": without_texture, "mesh": mesh})))
+        Ok(Answer::json(&json!({"zones": zones, "remarks": remarks, "without_texture": without_texture, "mesh": mesh})))
     }
 
     /// Writes the case file: what was drawn here, over nothing else.

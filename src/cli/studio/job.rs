@@ -39,7 +39,9 @@ struct Going {
     total: Option<usize>,
     before: usize,
     frames: Vec<Value>,
-    notes: Vec<String>,
+    notes: Vec<Value>,
+    /// How a fit goes.
+    fitting: Option<String>,
     /// `fine`, `incomplete`, `stopped`, or `failed`.
     outcome: Option<&'static str>,
     error: Option<String>,
@@ -94,6 +96,7 @@ impl Job {
             "done": going.frames.len(),
             "frames": &frames[..frames.len().min(FRAMES_AT_ONCE)],
             "notes": going.notes,
+            "fitting": going.fitting,
             "outcome": going.outcome,
             "error": going.error,
         })
@@ -149,27 +152,25 @@ impl Job {
     fn hear(&self, event: Event<'_>) {
         self.change(|going| match event {
             Event::Begun { total, before } => (going.total, going.before) = (total, before),
-            Event::Note(note) => going.notes.push(note.to_owned()),
+            Event::Note(note) => going.notes.push(json!({ "text": note })),
+            Event::Remark(remark) => going.notes.push(json!(remark)),
             Event::Frame { summary, .. } => going.frames.push(json!({
                 "number": summary.number,
                 "file": Path::new(&summary.file).file_name().map(|name| name.to_string_lossy()),
                 "status": summary.status.name().replace('_', " "),
                 "iterations": summary.iterations,
                 "residual_grey": summary.residual_grey,
-                "messages": summary.messages,
+                "remarks": summary.remarks,
             })),
             Event::Fitting(progress) => {
-                going.notes.retain(|note| !note.starts_with(FITTING));
                 let (doing, runs, seconds) = (progress.doing, progress.evaluation, progress.seconds);
-                going.notes.push(format!("{FITTING}{doing}, {}, {seconds:.0} s", plural(runs, "forward run")));
+                going.fitting = Some(format!("fit: {doing}, {}, {seconds:.0} s", plural(runs, "forward run")));
             }
             _ => {}
         });
     }
 }
 
-/// Beginning of the note that says how a fit goes.
-const FITTING: &str = "fit: ";
 /// Said where a run ended as it never should.
 const BUG: &str = "the run ended by a fault of the program: see the terminal";
 

@@ -14,6 +14,7 @@ use super::words::{plain, significant};
 use super::{Backdrop, ReportError};
 use crate::field::{Curve, Measurement, StrainField};
 use crate::io::case::CaseFile;
+use crate::remark::Remark;
 use crate::units::{PixelSize, Px};
 
 /// Frames whose fields are drawn, at most.
@@ -53,8 +54,8 @@ pub struct CorrelationReport<'a> {
     pub sampled: &'a [SeriesPoint],
     /// What was drawn from the fields: against load or frame.
     pub curves: &'a [Curve],
-    /// Remarks on these.
-    pub notes: &'a [String],
+    /// What there is to say of these.
+    pub remarks: &'a [Remark],
     /// Versions and hashes: name and value.
     pub provenance: Vec<(String, String)>,
 }

@@ -2,11 +2,11 @@
 
 use super::CorrelationReport;
 use crate::field::Status;
+use crate::remark::{About, Remark};
 use crate::report::page::{Block, Section};
 use crate::report::summary::FrameSummary;
-use crate::report::words::capital;
 
-/// Frames of a kind that are named, and remarks that are quoted.
+/// Frames of a kind that are named, and kinds of remarks that are quoted.
 const NAMED: usize = 12;
 
 /// Numbers in words, the first of them.
@@ -28,10 +28,16 @@ fn meaning(status: Status) -> &'static str {
     }
 }
 
+/// The zone that a remark is about, if it is one.
+fn zone(remark: &Remark) -> Option<&str> {
+    if let About::Zone(name) = &remark.about { Some(name) } else { None }
+}
+
 impl CorrelationReport<'_> {
     pub(super) fn warnings(&self) -> Section {
         let frames = &self.summary.frames;
-        let mut found = Vec::new();
+        let mut blocks = Vec::new();
+        let mut warn = |text: String| blocks.push(Block::Lead { text, warning: true });
         let numbers = |of: &dyn Fn(&FrameSummary) -> bool| -> Vec<usize> {
             frames.iter().filter(|frame| of(frame)).map(|frame| frame.number).collect()
         };
@@ -40,7 +46,7 @@ impl CorrelationReport<'_> {
         {
             let of_status = numbers(&|frame| frame.status == status);
             if !of_status.is_empty() {
-                found.push(format!(
+                warn(format!(
                     "{} of {} frames {}: {}.",
                     of_status.len(),
                     frames.len(),
@@ -49,13 +55,9 @@ impl CorrelationReport<'_> {
                 ));
             }
         }
-        found.extend(self.summary.messages.iter().cloned());
         if !self.summary.nodes_left_out.is_empty() {
             let n = self.summary.nodes_left_out.len();
-            found.push(format!(
-                "{n} of {} nodes see no texture and were left out of every frame.",
-                self.summary.n_nodes
-            ));
+            warn(format!("{n} of {} nodes see no texture and were left out of every frame.", self.summary.n_nodes));
         }
         let off = numbers(&|frame| frame.misfit.is_some());
         if let Some(worst) = frames
@@ -63,7 +65,7 @@ impl CorrelationReport<'_> {
             .filter_map(|frame| Some((frame.number, frame.misfit?)))
             .max_by(|a, b| a.1.displacement.total_cmp(&b.1.displacement))
         {
-            found.push(format!(
+            warn(format!(
                 "In {} of {} frames the residual of some elements is beyond noise: {}. Worst is frame {}: {}.",
                 off.len(),
                 frames.len(),
@@ -72,37 +74,30 @@ impl CorrelationReport<'_> {
                 worst.1
             ));
         }
-        // What it is a warning of is said by the colour.
-        let bare = |text: &'_ str| text.strip_prefix("warning: ").unwrap_or(text).to_owned();
-        let remarks = frames.iter().flat_map(|frame| frame.messages.iter().map(move |text| (frame.number, text)));
-        let mut kinds: Vec<(String, Vec<usize>, &String)> = Vec::new();
-        let mut n_more = 0;
-        for (number, text) in remarks {
-            // Of one kind are remarks that differ in their numbers alone.
-            let kind: String = text.chars().filter(|c| !c.is_ascii_digit()).collect();
-            let at = kinds.iter().position(|(known, ..)| *known == kind);
-            match at {
-                Some(at) if kinds[at].1.last() == Some(&number) => {}
-                Some(at) => kinds[at].1.push(number),
-                None if kinds.len() < NAMED => kinds.push((kind, vec![number], text)),
-                None => n_more += 1,
+        blocks.extend(self.summary.remarks.iter().map(Block::of_remark));
+        // Of one kind are remarks of one code on one zone.
+        let mut kinds: Vec<(Vec<usize>, &Remark)> = Vec::new();
+        for (number, remark) in
+            frames.iter().flat_map(|frame| frame.remarks.iter().map(|remark| (frame.number, remark)))
+        {
+            match kinds.iter_mut().find(|(_, known)| known.code == remark.code && zone(known) == zone(remark)) {
+                Some((numbers, _)) if numbers.last() == Some(&number) => {}
+                Some((numbers, _)) => numbers.push(number),
+                None => kinds.push((vec![number], remark)),
             }
         }
-        for (_, numbers, text) in &kinds {
-            found.push(match numbers.as_slice() {
-                [number] => format!("Frame {number}: {}", bare(text)),
-                several => format!("Frames {}: {}", listed(several), bare(text)),
-            });
+        for (numbers, remark) in kinds.iter().take(NAMED) {
+            let frames = if numbers.len() == 1 { "Frame" } else { "Frames" };
+            blocks.push(Block::of_remark(&(*remark).clone().after(&format!("{frames} {}: ", listed(numbers)))));
         }
-        if n_more > 0 {
-            found.push(format!("{n_more} further remarks stand in summary.json."));
-        }
-        found.extend(self.notes.iter().cloned());
-        let mut blocks: Vec<Block> =
-            found.into_iter().map(|text| Block::Lead { text: capital(&bare(&text)), warning: true }).collect();
-        if blocks.is_empty() {
-            let text = "Every frame converged, and there are no warnings.".to_owned();
+        if kinds.len() > NAMED {
+            let text = format!("{} further remarks stand in summary.json.", kinds.len() - NAMED);
             blocks.push(Block::Lead { text, warning: false });
+        }
+        blocks.extend(self.remarks.iter().map(Block::of_remark));
+        if !blocks.iter().any(|block| matches!(block, Block::Lead { warning: true, .. })) {
+            let text = "Every frame converged, and there are no warnings.".to_owned();
+            blocks.insert(0, Block::Lead { text, warning: false });
         }
         Section { title: "Read this first".into(), blocks }
     }

@@ -1,11 +1,12 @@
 //! `fit.json` and `sweep.json`.
 
-use super::FitReport;
+use super::{FitReport, remarks};
 use crate::identify::{
-    BudgetLine, Case, CutShort, Discretisation, Fit, FitStatus, Implausible, IntervalKind, Iteration, Misfit,
-    MisfitGroup, Outcome, Released, ReleasedParameter, SweepRow, Verdict,
+    BudgetLine, Case, CutShort, Discretisation, Fit, FitStatus, Iteration, Misfit, MisfitGroup, Outcome, Released,
+    ReleasedParameter, SweepRow, Verdict,
 };
 use crate::mechanics::Status;
+use crate::remark::Remark;
 use crate::report::{ForceRecord, Name, number, numbers};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -105,9 +106,7 @@ pub struct FitRecord {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub consistency: Option<ConsistencyRecord>,
     /// What a user should look at.
-    pub warnings: Vec<String>,
-    /// Values that no metal, polymer or wood has, and tests that hardly load the adhesive; their texts are among the warnings.
-    pub implausible: Vec<Implausible>,
+    pub remarks: Vec<Remark>,
 }
 
 /// What was compared.
@@ -580,93 +579,25 @@ fn quantities(fit: &Fit) -> BTreeMap<Name, QuantityRecord> {
     fit.derived.iter().map(record).collect()
 }
 
-/// What a user should know of the intervals: that linear theory is in doubt, biases, sides without an end, draws that failed.
-fn of_intervals(fit: &Fit) -> Vec<String> {
-    let Some(basis) = fit.intervals.as_ref().filter(|basis| basis.linearity.in_doubt()) else { return Vec::new() };
-    let mut said = vec![match (basis.kind, &basis.bootstrap) {
-        (IntervalKind::Linear, _) => format!("linear intervals are in doubt: {}", basis.linearity.doubts.join("; ")),
-        (IntervalKind::Profile, None) => format!(
-            "intervals are those of the profile likelihood, without the bias that noise makes: {}",
-            basis.linearity.doubts.join("; ")
-        ),
-        (IntervalKind::Profile, Some(bootstrap)) => format!(
-            "intervals are those of the profile likelihood, extended by the bias that {} refits of simulated data show ({} failed, \
-             {} on a bound): {}",
-            bootstrap.draws,
-            bootstrap.failed,
-            bootstrap.on_bound,
-            basis.linearity.doubts.join("; ")
-        ),
-    }];
-    for p in &fit.parameters {
-        let (name, unit) = (p.parameter.name, p.parameter.unit);
-        if let (Some(bias), Some(std)) = (p.bias, p.std)
-            && bias.abs() > 0.25 * std
-        {
-            said.push(format!(
-                "noise shifts {name} by {:+.1} % on average ({bias:+.3e} {unit}); the value is as fitted, its interval holds \
-                 the shift",
-                100.0 * bias / p.value
-            ));
-        }
-        for (end, side) in p.ends95.iter().zip(["lower", "upper"]) {
-            if end.is_none() && p.std.is_some() {
-                said.push(format!(
-                    "the 95 % interval of {name} has no {side} end: the objective does not rise enough within the bounds and a \
-                     factor of 20, or the model has no solution on the way"
-                ));
-            }
-        }
-    }
-    said
-}
-
 impl FitReport<'_> {
-    /// What a reader has to know of the result beside its verdict.
-    fn warnings(&self) -> Vec<String> {
-        let Case { options, doubts, implausible, .. } = self.case;
+    /// What a reader has to know of the result next to its verdict.
+    fn remarks(&self) -> Vec<Remark> {
         let fit = self.fit;
-        let mut warnings: Vec<String> =
-            fit.cut_short.iter().map(|cut| format!("the fit was cut short: {}", cut.text())).collect();
-        warnings.extend(doubts.iter().cloned());
-        warnings.extend(implausible.iter().chain(&fit.implausible).map(|value| value.text.clone()));
-        let missing = fit.budget.missing();
-        if !missing.is_empty() {
-            warnings.push(format!(
-                "the effect of {} could not be computed: the intervals are without it",
-                missing.join(", ")
-            ));
+        let mut found: Vec<Remark> = fit.cut_short.iter().map(remarks::cut_short).collect();
+        found.extend(self.case.remarks.iter().chain(&fit.remarks).cloned());
+        found.extend(remarks::effects_missing(&fit.budget.missing()));
+        found.extend(fit.parameters.iter().filter(|p| p.at_bound).map(remarks::on_bound));
+        found.extend(self.is_rescued_at_end().then(remarks::rescued));
+        let asked = self.case.options.discretisation != Discretisation::Off;
+        if asked && fit.parameters.iter().any(|p| p.discretisation.is_none()) {
+            found.push(remarks::discretisation_missing());
         }
-        warnings.extend(fit.parameters.iter().filter(|p| p.at_bound).map(|p| {
-            let [low, high] = p.bounds;
-            format!(
-                "{} ended on its bound ({} of {low} to {high}): its interval means little",
-                p.parameter.name, p.value
-            )
-        }));
-        if self.is_rescued_at_end() {
-            warnings.push(
-                "the forward run at the result was rescued: node pairs snapped, and the objective may jump nearby"
-                    .into(),
-            );
-        }
-        if options.discretisation != Discretisation::Off && fit.parameters.iter().any(|p| p.discretisation.is_none()) {
-            warnings.push(
-                "the effect of the element size could not be computed (no finer mesh, or no solution on it): the \
-                 intervals are without it"
-                    .into(),
-            );
-        }
-        warnings.extend(of_intervals(fit));
-        warnings.extend(fit.rotations.as_ref().and_then(|rotations| rotations.warning(&fit.parameters)));
-        warnings.extend(self.force.as_ref().and_then(|force| force.doubt.clone()));
+        found.extend(remarks::of_intervals(fit));
+        found.extend(fit.rotations.as_ref().and_then(|rotations| rotations.remark(&fit.parameters)));
+        found.extend(self.force.as_ref().and_then(|force| force.remark.clone()));
         let agreement = self.agreement();
-        if agreement > 1e-6 {
-            warnings.push(format!(
-                "the starts led to different ends, up to {agreement:.1e} apart in scaled unknowns: the best was taken"
-            ));
-        }
-        warnings
+        found.extend((agreement > 1e-6).then(|| remarks::starts_differ(agreement)));
+        found
     }
 
     /// Whether the forward run at the result needed a rescue.
@@ -682,7 +613,7 @@ impl FitReport<'_> {
 
     /// What `fit.json` holds; the fit of the case file `case` took `seconds`.
     pub fn json(&self, case: String, seconds: f64) -> FitRecord {
-        let Case { problem, options, about, boundary, implausible, .. } = self.case;
+        let Case { problem, options, about, boundary, .. } = self.case;
         let fit = self.fit;
         let names: Vec<Name> = fit.parameters.iter().map(|p| p.parameter.name.into()).collect();
         let law = problem.unknowns.law();
@@ -772,8 +703,7 @@ impl FitReport<'_> {
             }),
             tests: Vec::new(),
             consistency: None,
-            warnings: self.warnings(),
-            implausible: implausible.iter().chain(&fit.implausible).cloned().collect(),
+            remarks: self.remarks(),
         }
     }
 }

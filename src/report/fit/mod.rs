@@ -3,6 +3,7 @@
 mod budget;
 mod figures;
 mod json;
+mod remarks;
 mod sensitivity;
 mod several;
 mod several_page;

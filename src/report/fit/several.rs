@@ -19,18 +19,17 @@ pub fn several_json(
     seconds: f64,
 ) -> FitRecord {
     let mut records: Vec<FitRecord> = reports.iter().map(|report| report.json(path.to_owned(), seconds)).collect();
-    let mut warnings = case.doubts.clone();
-    for ((record, report), test) in records.iter_mut().zip(reports).zip(&fit.tests) {
+    let mut remarks = case.remarks.clone();
+    for ((record, report), test) in records.iter().zip(reports).zip(&fit.tests) {
         // Those of the case are there already, with the name of the test.
-        for warning in record.warnings.iter().filter(|warning| !report.case.doubts.contains(warning)) {
-            let of_test = record.implausible.iter().any(|value| value.text == **warning);
-            let line = if of_test { format!("test \"{}\": {warning}", test.share.name) } else { warning.clone() };
-            if !warnings.contains(&line) {
-                warnings.push(line);
+        for remark in record.remarks.iter().filter(|remark| !report.case.remarks.contains(remark)) {
+            let of_test = report.fit.remarks.contains(remark);
+            let remark = if of_test { remark.clone().of_test(&test.share.name) } else { remark.clone() };
+            if !remarks.contains(&remark) {
+                remarks.push(remark);
             }
         }
     }
-    let implausible = records.iter().flat_map(|record| record.implausible.iter().cloned()).collect();
     let tests: Vec<TestRecord> =
         (fit.tests.iter().zip(&records).zip(reports)).map(|((t, r), p)| test(t, r, p)).collect();
     let mut record = records.swap_remove(0);
@@ -59,7 +58,7 @@ pub fn several_json(
     record.noise_estimated = tests.iter().any(|test| test.noise_estimated);
     record.misfit = fit.misfit.as_ref().map(MisfitRecord::of);
     record.consistency = fit.consistency.as_ref().map(ConsistencyRecord::of);
-    (record.tests, record.warnings, record.implausible) = (tests, warnings, implausible);
+    (record.tests, record.remarks) = (tests, remarks);
     record
 }
 

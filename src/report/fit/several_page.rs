@@ -157,8 +157,7 @@ fn law(reports: &[FitReport<'_>]) -> Result<Section, ReportError> {
 }
 
 fn remarks(record: &FitRecord) -> Section {
-    let mut blocks: Vec<Block> =
-        record.warnings.iter().map(|line| Block::Lead { text: format!("{}.", capital(line)), warning: true }).collect();
+    let mut blocks: Vec<Block> = record.remarks.iter().map(Block::of_remark).collect();
     blocks.push(Block::Text(format!("Criteria of the verdict: {}.", record.verdict.thresholds)));
     blocks.push(Block::Text(format!("Given: {}.", record.verdict.given.join(", "))));
     Section { title: "Remarks".into(), blocks }

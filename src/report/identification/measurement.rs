@@ -102,8 +102,8 @@ impl IdentificationReport<'_> {
         let left_out = self.correlation.frames.iter().filter(|frame| frame.status != Status::Converged);
         let list: Vec<String> = left_out.map(|frame| format!("{} ({})", frame.number, frame.status.name())).collect();
         let left_out = format!("Left out, because they did not converge: frames {}.", list.join(", "));
-        let texts = (!list.is_empty()).then_some(left_out).into_iter().chain(self.notes.iter().cloned());
-        texts.map(|text| Block::Lead { text, warning: true }).collect()
+        let left_out = (!list.is_empty()).then_some(Block::Lead { text: left_out, warning: true });
+        left_out.into_iter().chain(self.remarks.iter().map(Block::of_remark)).collect()
     }
 
     /// Root mean square of the standard uncertainty of the measured displacements, px.

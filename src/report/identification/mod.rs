@@ -16,6 +16,7 @@ use crate::field::Measurement;
 use crate::imaging::Image;
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::CohesiveLaw;
+use crate::remark::Remark;
 use crate::units::{PixelSize, Px};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -56,7 +57,7 @@ pub struct IdentificationReport<'a> {
     /// `rigid-motion.json`: the parameters when the rigid motion is treated the other way.
     pub other_rigid_motion: Option<&'a OtherRigidMotion>,
     /// Remarks of the steps.
-    pub notes: Vec<String>,
+    pub remarks: Vec<Remark>,
     /// Versions, hashes and steps: name and value.
     pub provenance: Vec<(String, String)>,
 }

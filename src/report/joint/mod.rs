@@ -5,6 +5,7 @@ mod figures;
 mod grids;
 mod loads;
 mod release;
+mod remarks;
 mod summary;
 mod tables;
 

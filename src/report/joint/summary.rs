@@ -4,9 +4,11 @@ use super::JointReport;
 use super::grids::softens;
 use super::loads::{Balance, EnergySummary, ReactionSummary};
 use super::release::JSummary;
+use super::remarks;
 use crate::field::RigidMotion;
 use crate::mechanics::cohesive::{Jump, Parameter};
 use crate::mechanics::{Instant, Joint, Status};
+use crate::remark::Remark;
 use crate::report::ForceRecord;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -56,7 +58,7 @@ pub struct JointSummary {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force: Option<ForceRecord>,
     /// What a user should look at.
-    pub warnings: Vec<String>,
+    pub remarks: Vec<Remark>,
     /// Every instant.
     pub instants: Vec<InstantSummary>,
 }
@@ -122,12 +124,12 @@ pub struct InstantSummary {
     pub time: Option<f64>,
     /// What a user should look at.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub warnings: Vec<String>,
+    pub remarks: Vec<Remark>,
 }
 
 impl JointReport<'_> {
     /// The summary of a run of the case file `case` that took `seconds`.
-    pub fn summary(&self, case: String, seconds: f64, warnings: Vec<String>) -> JointSummary {
+    pub fn summary(&self, case: String, seconds: f64, remarks: Vec<Remark>) -> JointSummary {
         let Joint { model, law, removed, .. } = self.joint;
         let shares = self.sliding_at_front();
         let of_instant = |(k, instant)| InstantSummary {
@@ -154,7 +156,7 @@ impl JointReport<'_> {
             no_j_integral: self.no_j_integral(),
             energy_balance: self.balance(),
             force: self.force.cloned(),
-            warnings,
+            remarks,
             instants: (1..).zip(&self.solution.instants).map(of_instant).collect(),
         }
     }
@@ -192,15 +194,15 @@ impl JointReport<'_> {
             snapped_pairs,
             message,
             time: self.times.get(number - 1).copied(),
-            warnings: (rotation.and_then(|w| too_large(self.joint, w)).into_iter())
-                .chain(converged.then(|| beyond_curve(self.joint, &instant.displacement)).flatten())
+            remarks: (rotation.and_then(|w| too_large(self.joint, number, w)).into_iter())
+                .chain(converged.then(|| beyond_curve(self.joint, number, &instant.displacement)).flatten())
                 .chain(self.closing(number))
                 .collect(),
         }
     }
 
     /// What is to be said of an instant at which pairs beyond their peak close.
-    fn closing(&self, number: usize) -> Option<String> {
+    fn closing(&self, number: usize) -> Option<Remark> {
         let Joint { model, law, .. } = self.joint;
         let of = |k: usize| self.solution.instants.get(k).filter(|instant| instant.status.converged());
         let (before, now) = (of(number.checked_sub(2)?)?, of(number - 1)?);
@@ -213,12 +215,7 @@ impl JointReport<'_> {
             !cracked[k] && size(&now[k]) < size(&before[k]) - little && softens(&law.response(before[k]))
         };
         let pairs: Vec<usize> = (0..now.len()).filter(closes).collect();
-        let [lower, upper] = model.mesh().pairs()[*pairs.first()?];
-        Some(format!(
-            "{} node pairs beyond their peak close, the first ({lower}, {upper}): the law goes back along its curve there, where a \
-             damaged adhesive would unload",
-            pairs.len()
-        ))
+        Some(remarks::pairs_close(number, pairs.len(), model.mesh().pairs()[*pairs.first()?]))
     }
 }
 
@@ -233,7 +230,7 @@ fn largest_rotation(joint: &Joint, u: &[[f64; 2]]) -> f64 {
 }
 
 /// What is to be said where a strip is strained beyond the curve that its material was measured up to.
-fn beyond_curve(joint: &Joint, u: &[[f64; 2]]) -> Option<String> {
+fn beyond_curve(joint: &Joint, number: usize, u: &[[f64; 2]]) -> Option<Remark> {
     let model = &joint.model;
     if model.materials().iter().all(|law| law.known_up_to().is_none()) {
         return None;
@@ -247,23 +244,14 @@ fn beyond_curve(joint: &Joint, u: &[[f64; 2]]) -> Option<String> {
         }
     }
     let (strain, end, group) = worst?;
-    Some(format!(
-        "the plastic strain of {} reaches {strain:.2e}, its curve ends at {end:.2e}: beyond it the curve is continued with its last slope",
-        model.mesh().groups()[group]
-    ))
+    Some(remarks::strain_beyond_curve(number, &model.mesh().groups()[group], strain, end))
 }
 
 /// What is to be said when small strains do not hold under the rotation `w` of a strip.
-fn too_large(joint: &Joint, w: f64) -> Option<String> {
+fn too_large(joint: &Joint, number: usize, w: f64) -> Option<Remark> {
     if !joint.model.options().kinematics.is_small() {
         return None;
     }
     let yields = joint.model.materials().iter().filter_map(|law| law.yield_strain()).fold(f64::INFINITY, f64::min);
-    (0.5 * w * w > SMALL_ROTATION * yields).then(|| {
-        format!(
-            "a strip turns by {w:.2e} rad: w^2/2 = {:.1e} is more than a tenth of the yield strain {yields:.1e}; \
-             small rotations no longer hold: take kinematics = \"finite\"",
-            0.5 * w * w
-        )
-    })
+    (0.5 * w * w > SMALL_ROTATION * yields).then(|| remarks::rotation_large(number, w, yields))
 }

@@ -3,7 +3,10 @@
 const { data } = drawing, own = data.studio, at = id => document.getElementById(id);
 const element = (name, text) => { const made = document.createElement(name); if (text !== undefined) made.textContent = text; return made; };
 const row = cells => { const made = element('tr'); made.append(...cells.map(cell => cell instanceof Node ? cell : element('td', cell))); return made; };
-const lines = (place, words) => at(place).replaceChildren(...words.map(text => { const made = element('p', text); made.className = text.startsWith('warning:') ? 'lead warn' : 'lead'; return made; }));
+/** Shows remarks, each with the colour of its severity. */
+const lines = (place, remarks) => at(place).replaceChildren(...remarks.map(({ severity, text }) => { const made = element('p', spoken({ severity, text })); made.className = severity === 'warning' ? 'lead warn' : 'lead'; return made; }));
+const spoken = ({ severity, text }) => severity === 'warning' ? `warning: ${text}` : text;
+const fault = text => ({ severity: 'warning', text });
 /** Asks the program; an answer that is none is told in its words. */
 async function ask(path, wish) {
   const answer = await fetch(path, wish ? { method: 'POST', body: JSON.stringify(wish) } : {});
@@ -105,15 +108,15 @@ async function check() {
     const found = await ask('check', { case: text });
     if (text === drawing.caseText()) checked(found);
   } catch (error) {
-    if (text === drawing.caseText()) { mesh = null; at('zones').hidden = true; at('check-state').textContent = 'A run would be refused:'; lines('check-notes', [`warning: ${error.message}`]); drawing.redraw(); }
+    if (text === drawing.caseText()) { mesh = null; at('zones').hidden = true; at('check-state').textContent = 'A run would be refused:'; lines('check-notes', [fault(error.message)]); drawing.redraw(); }
   }
   checking = false;
   if (text !== drawing.caseText()) check();
 }
 function checked(found) {
   mesh = found.mesh; bare = found.without_texture;
-  at('check-state').textContent = found.notes.some(note => note.startsWith('warning:')) ? 'A run would warn:' : 'Nothing stands in the way of a run.';
-  lines('check-notes', found.notes);
+  at('check-state').textContent = found.remarks.some(({ severity }) => severity === 'warning') ? 'A run would warn:' : 'Nothing stands in the way of a run.';
+  lines('check-notes', found.remarks);
   at('zones').hidden = false;
   const both = ([x, y], digits) => `${x.toFixed(digits)}, ${y.toFixed(digits)}`;
   at('zones').tBodies[0].replaceChildren(...found.zones.map(({ name, elements, nodes, without_texture, sigma_px, look }) => row([name, elements, nodes, without_texture,
@@ -132,7 +135,7 @@ drawing.changed = () => {
 // --- run
 const wish = () => ({ case: drawing.caseText(), replace: at('replace').checked });
 async function order(path, more) {
-  try { await ask(path, more); return true; } catch (error) { lines('run-notes', [`warning: ${error.message}`]); return false; }
+  try { await ask(path, more); return true; } catch (error) { lines('run-notes', [fault(error.message)]); return false; }
 }
 at('write').addEventListener('click', async () => { if (await order('case', wish())) at('run-state').textContent = `${own.case} is written.`; });
 at('run').addEventListener('click', async () => { lines('run-notes', []); at('run').disabled = true; if (!await order('run', wish())) at('run').disabled = false; });
@@ -161,7 +164,7 @@ function told(state) {
   if (state.done < from || (state.running && !running)) { from = 0; at('done').tBodies[0].replaceChildren(); fieldMesh = null; fields = []; state.frames = []; }
   from += state.frames.length;
   for (const frame of state.frames) {
-    const made = row([frame.number, frame.file, [frame.status, ...frame.messages].join('; '), frame.iterations, frame.residual_grey === null ? '-' : `${frame.residual_grey.toFixed(2)} grey levels`]);
+    const made = row([frame.number, frame.file, [frame.status, ...(frame.remarks || []).map(spoken)].join('; '), frame.iterations, frame.residual_grey === null ? '-' : `${frame.residual_grey.toFixed(2)} grey levels`]);
     if (frame.status !== 'converged') made.className = 'bad';
     at('done').tBodies[0].prepend(made);
   }
@@ -175,7 +178,7 @@ function told(state) {
   const words = { fine: 'done', incomplete: 'done, but not everything converged: see the frames and notes', stopped: 'stopped; run goes on from there', failed: 'could not run' };
   if (running || state.outcome) at('run-state').textContent = running ? `${state.stopping ? 'stopping' : 'running'}: ${count}` : `${words[state.outcome]}: ${count}`;
   at('run').textContent = state.outcome === 'stopped' ? 'resume' : 'run';
-  if (running || state.outcome) lines('run-notes', [...state.notes, ...(state.error ? [`warning: ${state.error}`] : [])]);
+  if (running || state.outcome) lines('run-notes', [...state.notes, ...(state.fitting ? [{ text: state.fitting }] : []), ...(state.error ? [fault(state.error)] : [])]);
   if (running && state.frames.length) live();
   if (ended) { live(); if (state.outcome !== 'failed') results(); asked = ''; }
 }

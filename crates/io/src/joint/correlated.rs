@@ -2,6 +2,7 @@
 
 use super::JointMeshFile;
 use crate::linalg::ElementMatrix;
+use crate::remark::Remark;
 use std::path::PathBuf;
 
 /// The strips of a correlation run with their measured displacements, in mm with y up.
@@ -32,8 +33,8 @@ pub struct JointRun {
     pub noise_ratio: Option<f64>,
     /// Frames that did not converge, or were not done: no instants are made of them.
     pub left_out: Vec<usize>,
-    /// What the correlation warned of (`messages` of its `summary.json`); empty where that is not beside the store.
-    pub warnings: Vec<String>,
+    /// What the correlation warned of (`remarks` of its `summary.json`); empty where that is not beside the store.
+    pub warnings: Vec<Remark>,
 }
 
 /// The normal matrix `M` of a correlation, element by element. It holds the noise of the gradient: displacements have the

@@ -2,6 +2,7 @@
 
 use super::{BoundaryInput, DrivesInput, JointCase, JointFileError};
 use crate::load::read_as_asked;
+use crate::remark::Remark;
 use std::path::{Path, PathBuf};
 
 /// Forces as the load file gives them, at the instants of the border.
@@ -14,7 +15,7 @@ pub struct ForceInput {
     /// The force at each instant, N; `None` where the file says nothing.
     pub values: Vec<Option<f64>>,
     /// What to know about them: units that were converted, instants without a value.
-    pub notes: Vec<String>,
+    pub remarks: Vec<Remark>,
 }
 
 /// Reads what `[force]` of `case` names, for the instants of `boundary` (of `drives` where there is none): the rows of a table are its instants, those of a
@@ -42,6 +43,6 @@ pub fn read_force(
         BoundaryInput::Table(_) | BoundaryInput::Drives => column.values.clone(),
         BoundaryInput::Run(run) => run.frames.iter().map(|&frame| column.at(frame)).collect(),
     };
-    let (column, notes) = (column.name.clone(), table.notes.clone());
-    Ok(Some(ForceInput { path: load.file.into(), column, values, notes }))
+    let (column, remarks) = (column.name.clone(), table.remarks.clone());
+    Ok(Some(ForceInput { path: load.file.into(), column, values, remarks }))
 }

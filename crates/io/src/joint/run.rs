@@ -4,6 +4,7 @@ use super::{JointFileError, JointMeshFile, JointRun, RunMatrix};
 use crate::field::{Elements, Status};
 use crate::linalg::{ElementMatrix, alike};
 use crate::mesh::mean_products;
+use crate::remark::Remark;
 use crate::store::Store;
 use std::path::Path;
 use std::sync::Arc;
@@ -94,16 +95,16 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
 
 /// What the correlation warned of, from the summary beside the store. A run that goes on has none yet, and one that was moved
 /// without it is none the worse.
-fn warnings_beside(store: &Path) -> Vec<String> {
+fn warnings_beside(store: &Path) -> Vec<Remark> {
     #[derive(serde::Deserialize)]
-    struct Messages {
-        messages: Vec<String>,
+    struct Remarks {
+        #[serde(default)]
+        remarks: Vec<Remark>,
     }
     let places = [Some(store), store.parent()].into_iter().flatten();
     let text = places.filter_map(|folder| std::fs::read_to_string(folder.join(SUMMARY)).ok()).next();
-    let read = text.and_then(|text| serde_json::from_str::<Messages>(&text).ok());
-    let plain = |line: &String| line.strip_prefix("warning: ").unwrap_or(line).to_owned();
-    read.map_or(Vec::new(), |summary| summary.messages.iter().map(plain).collect())
+    let read = text.and_then(|text| serde_json::from_str::<Remarks>(&text).ok());
+    read.map_or(Vec::new(), |summary| summary.remarks.into_iter().filter(Remark::is_warning).collect())
 }
 
 /// The matrix times `factor`, with y up: what couples x and y changes its sign.

@@ -1,6 +1,7 @@
 //! A load file as a case asks for it: a row for each frame, or joined with the frames by time.
 
 use super::error::LoadError;
+use super::remarks::joined;
 use super::{FrameTimes, LoadTable, read_frame_times, read_load, read_record};
 use crate::case::CaseLoad;
 use std::path::Path;
@@ -36,7 +37,7 @@ pub fn read_as_asked(load: &CaseLoad, n_frames: usize) -> Result<LoadTable, Load
     let table = match (&load.time, times) {
         (Some(time), Some(times)) => {
             let mut table = read_record(path, time, &times)?;
-            table.notes.insert(0, said_of_times(load));
+            table.remarks.insert(0, joined(load));
             table
         }
         (None, None) if load.start_s.is_none() => read_load(path, n_frames)?,
@@ -59,21 +60,4 @@ pub fn read_as_asked(load: &CaseLoad, n_frames: usize) -> Result<LoadTable, Load
         Some(area_mm2) => table.with_stress(area_mm2, path)?,
         None => table,
     })
-}
-
-/// How frames and rows of a load file were joined.
-fn said_of_times(load: &CaseLoad) -> String {
-    let start = load.start_s.unwrap_or(0.0);
-    match (load.frame_interval_s, &load.frame_times) {
-        (Some(interval), _) => format!(
-            "load joined by time, interpolated: the reference at {start} s, a frame every {interval} s after it"
-        ),
-        (None, Some(file)) if start != 0.0 => {
-            format!("load joined by time, interpolated: frames at the times of {file}, {start} s later")
-        }
-        (None, file) => {
-            let file = file.as_deref().unwrap_or("-");
-            format!("load joined by time, interpolated: frames at the times of {file}")
-        }
-    }
 }

@@ -1,7 +1,9 @@
 //! A load file as it stands: names, units, cells.
 
 use super::error::LoadError;
+use super::remarks;
 use super::units::{Named, is_unit};
+use crate::remark::Remark;
 use ::csv::{ReaderBuilder, StringRecord};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -31,7 +33,7 @@ pub(super) struct RawTable {
     rows: Vec<StringRecord>,
     decimal_comma: bool,
     /// Units that are converted.
-    pub notes: Vec<String>,
+    pub remarks: Vec<Remark>,
 }
 
 impl RawTable {
@@ -80,7 +82,7 @@ impl RawTable {
             frame_at: None,
             rows: Vec::new(),
             decimal_comma: separator != b',',
-            notes: Vec::new(),
+            remarks: Vec::new(),
         };
         let is_empty_below = |at: usize| all.iter().all(|row| row.get(at).is_none_or(str::is_empty));
         let n_columns = if (n_columns..header.len()).all(is_empty_below) { n_columns } else { header.len() };
@@ -138,7 +140,7 @@ impl RawTable {
             return Err(LoadError::NoUnit { path: self.path.clone(), line, column: name });
         }
         if named.factor != 1.0 {
-            self.notes.push(format!("{name}: {} in the load file, times {}", named.given, named.factor));
+            self.remarks.push(remarks::unit(&name, &named.given, named.factor));
         }
         self.columns.push(name);
         self.given.push(cell.to_owned());

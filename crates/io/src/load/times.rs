@@ -2,11 +2,9 @@
 
 use super::error::LoadError;
 use super::raw::{RawTable, Wanted};
+use super::remarks::{clock_times, outside};
 use super::{LoadColumn, LoadTable};
 use std::path::Path;
-
-/// Frames in words, at most so many.
-const NAMED: usize = 4;
 
 /// When the deformed images were taken.
 #[derive(Debug, Clone, PartialEq)]
@@ -107,11 +105,11 @@ pub(super) fn join(table: &RawTable, time: &str, frames: &FrameTimes) -> Result<
             _ => return Err(LoadError::TimeOrder { path: path(), line: table.line(row), column: name }),
         }
     }
-    let mut notes = table.notes.clone();
+    let mut remarks = table.remarks.clone();
     match (times.clock, frames.clock) {
         (false, true) => return Err(LoadError::Clocks { path: path(), column: name }),
         (true, false) => {
-            notes.push(format!("{name}: clock times, counted from the first row ({})", table.cell(0, column)));
+            remarks.push(clock_times(&name, table.cell(0, column)));
             let first = rows.first().copied().unwrap_or(0.0);
             rows.iter_mut().for_each(|time| *time -= first);
         }
@@ -127,7 +125,7 @@ pub(super) fn join(table: &RawTable, time: &str, frames: &FrameTimes) -> Result<
     {
         return Err(LoadError::Apart { path: path(), from, to, first, last });
     }
-    notes.extend(outside(&frames.seconds, within, from, to));
+    remarks.extend(outside(&frames.seconds, within, from, to));
     let values = |k: usize| -> Result<Vec<Option<f64>>, LoadError> {
         let cells = (0..rows.len()).map(|row| table.value(row, k)).collect::<Result<Vec<_>, _>>()?;
         Ok(frames.seconds.iter().map(|time| at(&rows, &cells, (*time)?)).collect())
@@ -141,26 +139,7 @@ pub(super) fn join(table: &RawTable, time: &str, frames: &FrameTimes) -> Result<
         };
         columns.push(LoadColumn { name, values });
     }
-    Ok(LoadTable { columns, notes })
-}
-
-/// What is said of frames that were not taken during the record.
-fn outside(frames: &[Option<f64>], within: impl Fn(&f64) -> bool, from: f64, to: f64) -> Option<String> {
-    let out: Vec<usize> =
-        (1..).zip(frames).filter(|(_, time)| !time.as_ref().is_some_and(&within)).map(|(n, _)| n).collect();
-    let first: Vec<String> = out.iter().take(NAMED).map(ToString::to_string).collect();
-    let more = match out.len() {
-        1 => " lies".to_owned(),
-        n if n > NAMED => format!(" and {} more lie", n - NAMED),
-        _ => " lie".to_owned(),
-    };
-    (!out.is_empty()).then(|| {
-        format!(
-            "warning: frame{} {}{more} outside the load record ({from} to {to} s): cells are empty",
-            if out.len() == 1 { "" } else { "s" },
-            first.join(", "),
-        )
-    })
+    Ok(LoadTable { columns, remarks })
 }
 
 /// The value at `time` between the rows at `rows`; `None` outside of them, and between cells of which one is empty.

@@ -1,13 +1,13 @@
 //! An identification as its case file describes it.
 
 use super::error::{FitError, wrong};
-use super::far_starts::own_minima;
 use super::load_cell::LoadCell;
 use super::noise::{Noise, Precision, even_texture};
 use super::objective::Problem;
 use super::observation::{Observation, ObservedInstant, largest_without_rigid_motion, without};
 use super::options::{Discretisation, FitOptions, Intervals};
-use super::plausibility::{Implausible, implausible_joint};
+use super::plausibility::implausible_joint;
+use super::remarks;
 use super::starts::latin_hypercube;
 use super::tournament::check_laws;
 use super::trust_region::TrustRegionOptions;
@@ -24,6 +24,7 @@ use crate::io::joint::{JointInput, JointMeshFile, JointRun, MeasurementInput, Me
 use crate::io::run_case::RunCase;
 use crate::mechanics::cohesive::CohesiveLaw;
 use crate::mechanics::{Joint, law_of_case, materials_of_case};
+use crate::remark::Remark;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
@@ -46,9 +47,7 @@ pub struct Case<'a> {
     /// What is known of the boundary: `measured`, `estimated` or `exact`.
     pub boundary: &'static str,
     /// What is possible, but hardly meant.
-    pub doubts: Vec<String>,
-    /// Values of the case that hardly anything has.
-    pub implausible: Vec<Implausible>,
+    pub remarks: Vec<Remark>,
     /// Time after which the fit ends at the best point so far, s.
     pub max_seconds: Option<f64>,
     /// The load cell, whether it takes part in the fit or is only held against the prediction.
@@ -80,13 +79,9 @@ impl<'a> Case<'a> {
     ///
     /// # Errors
     /// See [`FitError`].
-    pub fn load_cell(
-        joint: &Joint,
-        input: &JointInput,
-        doubts: &mut Vec<String>,
-    ) -> Result<Option<LoadCell>, FitError> {
+    pub fn load_cell(joint: &Joint, input: &JointInput, found: &mut Vec<Remark>) -> Result<Option<LoadCell>, FitError> {
         let (Some(asked), Some(read)) = (&input.case.force, &input.force) else { return Ok(None) };
-        let made = LoadCell::new(joint, asked, read, false, doubts);
+        let made = LoadCell::new(joint, asked, read, false, found);
         made.map(Some).map_err(|error| error.in_case(&input.case.text))
     }
 
@@ -130,16 +125,16 @@ impl<'a> Case<'a> {
         let Some(table) = &case.fit else {
             return Err(missing("fit", "give parameters = [\"phi_n\", \"delta_n\", \"delta_t\"]"));
         };
-        let mut doubts = Vec::new();
+        let mut found = Vec::new();
         if table.shared.is_some() {
-            doubts.push("[fit] shared is not used: it is for several tests ([[test]])".to_owned());
+            found.push(remarks::shared_unused());
         }
         let unknowns = unknowns(&*joint.law, table)?;
         if joint.law.has_own_minima() && table.intervals == Some(CaseIntervals::Linear) {
-            doubts.push(own_minima(joint.law.name()));
+            found.push(remarks::own_minima(joint.law.name()));
         }
         let cell = match (&case.force, &input.force) {
-            (Some(asked), Some(read)) => Some(LoadCell::new(joint, asked, read, used, &mut doubts)?),
+            (Some(asked), Some(read)) => Some(LoadCell::new(joint, asked, read, used, &mut found)?),
             _ => None,
         };
         let in_fit = cell.clone().filter(|_| used);
@@ -148,19 +143,19 @@ impl<'a> Case<'a> {
         let boundary = boundary_noise(measurement, measured.is_some())?;
         check_boundary(input, boundary, weights)?;
         if let Some(MeasurementInput::Run(run)) = measured {
-            doubts.extend(run.warnings.iter().map(|warning| format!("the correlation warned: {warning}")));
+            found.extend(run.warnings.iter().map(|warning| warning.clone().after("the correlation warned: ")));
         }
         let noisy = boundary != "exact";
         let (mut observation, mut noise) = match measured {
             Some(measured) => {
-                let observation = observation(joint, input, measurement, measured, noisy, &mut doubts)?;
-                let noise = noise(joint, measurement, measured, &observation, noisy, &mut doubts)?;
+                let observation = observation(joint, input, measurement, measured, noisy, &mut found)?;
+                let noise = noise(joint, measurement, measured, &observation, noisy, &mut found)?;
                 (observation, noise)
             }
             None => of_force_alone(joint, measurement)?,
         };
         if let Some(cell) = &in_fit {
-            (observation, noise) = with_force(observation, noise, cell, &mut doubts)?;
+            (observation, noise) = with_force(observation, noise, cell, &mut found)?;
         }
         check_weights(&observation, weights)?;
         let (n_data, n_parameters) = (observation.n_data(), unknowns.n());
@@ -175,7 +170,7 @@ impl<'a> Case<'a> {
                 max_evaluations: table.max_evaluations.unwrap_or(TrustRegionOptions::default().max_evaluations),
                 ..TrustRegionOptions::default()
             },
-            constants: uncertainties::constants(joint, input, table, measurement, in_fit.as_ref(), &mut doubts)?,
+            constants: uncertainties::constants(joint, input, table, measurement, in_fit.as_ref(), &mut found)?,
             doubt: true,
             release: true,
             other_minima: true,
@@ -191,7 +186,7 @@ impl<'a> Case<'a> {
         let about = describe(&observation, &noise, weights, boundary);
         let (observation, noise, watch) = (Arc::new(observation), Arc::new(noise), FitWatch::default());
         let problem = Problem { joint, observation, noise, unknowns, watch };
-        let implausible = implausible_joint(&problem, problem.observation.pixel_size_mm);
+        found.extend(implausible_joint(&problem, problem.observation.pixel_size_mm));
         let max_seconds = table.max_seconds.map(|seconds| positive("fit", "max_seconds", seconds)).transpose()?;
         Ok(Self {
             problem,
@@ -201,8 +196,7 @@ impl<'a> Case<'a> {
             laws: table.laws.clone(),
             about,
             boundary,
-            doubts,
-            implausible,
+            remarks: found,
             max_seconds,
             force: cell,
         })
@@ -463,7 +457,7 @@ struct Fields<'a> {
     instants: Vec<(usize, Vec<Option<[f64; 2]>>)>,
 }
 
-fn fields<'a>(joint: &Joint, measured: &'a MeasurementInput, doubts: &mut Vec<String>) -> Result<Fields<'a>, FitError> {
+fn fields<'a>(joint: &Joint, measured: &'a MeasurementInput, found: &mut Vec<Remark>) -> Result<Fields<'a>, FitError> {
     let n_nodes = joint.measured.mesh.nodes().len();
     let n_instants = joint.boundary.instants().len();
     let mut fields = match measured {
@@ -482,15 +476,8 @@ fn fields<'a>(joint: &Joint, measured: &'a MeasurementInput, doubts: &mut Vec<St
                 }
                 list.push((instant - 1, field));
             }
-            let missing: Vec<String> =
-                (1..=n_instants).filter(|k| !instants.contains_key(k)).map(|k| k.to_string()).collect();
-            if !missing.is_empty() {
-                doubts.push(format!(
-                    "instants {} are not in {}: they are computed and not compared",
-                    missing.join(", "),
-                    path.display()
-                ));
-            }
+            let missing = (1..=n_instants).filter(|k| !instants.contains_key(k)).collect();
+            found.extend(remarks::instants_not_compared(missing, path));
             Fields { path, of_run: false, instants: list }
         }
         MeasurementInput::Run(run) => {
@@ -517,7 +504,7 @@ fn compared_nodes(
     input: &JointInput,
     measurement: &CaseMeasurement,
     fields: &Fields<'_>,
-    doubts: &mut Vec<String>,
+    found: &mut Vec<Remark>,
 ) -> Result<Vec<u32>, FitError> {
     let n_nodes = joint.measured.mesh.nodes().len();
     let file: Option<&JointMeshFile> = match &input.mesh {
@@ -545,7 +532,7 @@ fn compared_nodes(
     let prescribed: HashSet<&u32> = joint.measured.prescribed.iter().collect();
     chosen.retain(|node| !prescribed.contains(node));
     if listed && chosen.len() < n {
-        doubts.push(format!("{} of the nodes are prescribed and not compared", n - chosen.len()));
+        found.push(remarks::nodes_prescribed(n - chosen.len()));
     }
     if fields.of_run {
         // A node that one frame lost is left out of all: the covariance is one for all instants.
@@ -553,7 +540,7 @@ fn compared_nodes(
         let n = chosen.len();
         chosen.retain(|node| !lost(node));
         if chosen.len() < n {
-            doubts.push(format!("{} nodes were not measured in every frame and are not compared", n - chosen.len()));
+            found.push(remarks::nodes_lost(n - chosen.len()));
         }
     }
     if chosen.is_empty() {
@@ -568,7 +555,7 @@ fn instant_weights<'a>(
     joint: &Joint,
     measurement: &'a CaseMeasurement,
     measured: &MeasurementInput,
-    doubts: &mut Vec<String>,
+    found: &mut Vec<Remark>,
 ) -> Result<&'a [f64], FitError> {
     let wrong_weights = |what: String| Err(wrong("measurement", "instant_weights", what));
     let factors = measurement.instant_weights.as_deref().unwrap_or_default();
@@ -576,18 +563,15 @@ fn instant_weights<'a>(
         return wrong_weights(format!("instant_weights holds {factor}; give finite numbers, zero or more"));
     }
     let (n_all, left_out) = match measured {
-        MeasurementInput::Run(run) => (run.frames.len() + run.left_out.len(), run.left_out.len()),
-        MeasurementInput::Table(_) => (joint.boundary.instants().len(), 0),
+        MeasurementInput::Run(run) => (run.frames.len() + run.left_out.len(), run.left_out.as_slice()),
+        MeasurementInput::Table(_) => (joint.boundary.instants().len(), [].as_slice()),
     };
     if factors.len() > n_all {
         let n = factors.len();
         return wrong_weights(format!("instant_weights has {n} entries, but there are {n_all} instants"));
     }
-    if !factors.is_empty() && left_out > 0 {
-        doubts.push(format!(
-            "instant_weights counts the frames that converged: {left_out} did not, and the weights behind them are \
-             those of earlier entries"
-        ));
+    if !(factors.is_empty() || left_out.is_empty()) {
+        found.push(remarks::weights_shifted(left_out));
     }
     Ok(factors)
 }
@@ -598,13 +582,13 @@ fn observation(
     measurement: &CaseMeasurement,
     measured: &MeasurementInput,
     noisy_boundary: bool,
-    doubts: &mut Vec<String>,
+    found: &mut Vec<Remark>,
 ) -> Result<Observation, FitError> {
     let mesh = &joint.measured.mesh;
     let n_nodes = mesh.nodes().len();
-    let fields = fields(joint, measured, doubts)?;
+    let fields = fields(joint, measured, found)?;
     let mut compared = vec![false; n_nodes];
-    let chosen = compared_nodes(joint, input, measurement, &fields, doubts)?;
+    let chosen = compared_nodes(joint, input, measurement, &fields, found)?;
     chosen.iter().for_each(|&node| compared[node as usize] = true);
     let given = prescribed_as_measured(joint);
     let of_border: HashMap<u32, usize> =
@@ -613,7 +597,7 @@ fn observation(
         .filter(|node| compared[*node as usize] || noisy_boundary && of_border.contains_key(node))
         .collect();
     let place: HashMap<u32, usize> = nodes.iter().enumerate().map(|(k, &node)| (node, k)).collect();
-    let factors = instant_weights(joint, measurement, measured, doubts)?;
+    let factors = instant_weights(joint, measurement, measured, found)?;
     let (mut instants, mut unknown_nodes) = (Vec::new(), 0);
     for (index, field) in &fields.instants {
         let factor = factors.get(*index).copied().unwrap_or(1.0);
@@ -638,9 +622,7 @@ fn observation(
         instants.push(ObservedInstant { index: *index, displacement, largest, factor });
     }
     if unknown_nodes > 0 && !fields.of_run {
-        doubts.push(format!(
-            "{unknown_nodes} nodes are not measured: the paper's weights are made from the largest displacement of the others"
-        ));
+        found.push(remarks::nodes_unmeasured(unknown_nodes));
     }
     if instants.is_empty() {
         return Err(match fields.instants.is_empty() {
@@ -689,7 +671,7 @@ fn with_force(
     mut observation: Observation,
     mut noise: Noise,
     cell: &LoadCell,
-    doubts: &mut Vec<String>,
+    found: &mut Vec<Remark>,
 ) -> Result<(Observation, Noise), FitError> {
     let Some(sigma) = noise.sigma else {
         let what = "noise_mm is missing: displacements and forces are weighed by their noise, and that of the displacements cannot be \
@@ -698,17 +680,15 @@ fn with_force(
     };
     // Asked for where a load cell is made for a fit.
     let Some(std) = cell.std_n else { return Err(wrong("force", "std_N", "std_N is missing")) };
-    let without: Vec<String> = (observation.instants.iter())
+    let without: Vec<usize> = (observation.instants.iter())
         .filter(|instant| cell.at(instant.index).is_none())
-        .map(|instant| (instant.index + 1).to_string())
+        .map(|instant| instant.index + 1)
         .collect();
     if without.len() == observation.instants.len() {
         let what = "there is no force at any instant that is compared; check the file, its column and its times";
         return Err(wrong("force", "file", what));
     }
-    if !without.is_empty() {
-        doubts.push(format!("no force is known at instants {}", without.join(", ")));
-    }
+    found.extend(remarks::force_unknown(without));
     if observation.nodes.is_empty() {
         // Rows of nothing would count as instants with data.
         observation.instants.retain(|instant| cell.at(instant.index).is_some());
@@ -743,7 +723,7 @@ fn noise(
     measured: &MeasurementInput,
     observation: &Observation,
     on_boundary: bool,
-    doubts: &mut Vec<String>,
+    found: &mut Vec<Remark>,
 ) -> Result<Noise, FitError> {
     let given = measurement.noise_mm.map(|noise| positive("measurement", "noise_mm", noise)).transpose()?;
     let shared = measurement.common_reference.unwrap_or(true);
@@ -766,35 +746,17 @@ fn noise(
             let (matrix, of) = match &run.normal_matrix {
                 Some(matrix) => (matrix.clone(), "normal matrix of the correlation"),
                 None => {
-                    doubts.push(
-                        "the store holds no normal matrix (the run was regularised, or made by an earlier version): \
-                         the covariance is that of an even texture without regularisation"
-                            .to_owned(),
-                    );
+                    found.push(remarks::normal_matrix_missing());
                     (even_texture(mesh.nodes(), mesh.elements()), "even texture")
                 }
             };
             let [least, most] = NOISE_CONTRADICTED;
             if let Some(ratio) = run.noise_ratio.filter(|ratio| !(least..=most).contains(ratio)) {
-                doubts.push(format!(
-                    "the noise stated for the correlation is contradicted by its residuals, which say {ratio:.2} times as \
-                     much: the standard uncertainties of the displacements, and all intervals with them, are wrong by \
-                     about that factor"
-                ));
+                found.push(remarks::noise_contradicted(ratio));
             }
             let staged = observation.instants.iter().map(|instant| instant.index);
             let staged: Vec<usize> = staged.filter(|&instant| run.measured_from[instant] > 0).collect();
-            if let Some(&first) = staged.first() {
-                doubts.push(format!(
-                    "{} of {} instants, from frame {} on, were measured from a later reference (frame {}): their covariance \
-                     is taken to be that of the first reference, with the mean of the standard uncertainties that the \
-                     store states; theirs are larger",
-                    staged.len(),
-                    observation.instants.len(),
-                    run.frames[first],
-                    run.measured_from[first]
-                ));
-            }
+            found.extend(remarks::reference_later(run, &staged, observation.instants.len()));
             let precision_of = |matrix: &RunMatrix| {
                 Precision::of_matrix(mesh.nodes(), &matrix.corners, &matrix.matrices, &observation.nodes)
             };

@@ -126,12 +126,3 @@ pub(super) fn several_minima(law: &str, others: usize) -> String {
         if others == 1 { "minimum" } else { "minima" }
     )
 }
-
-/// What is to be said of fits of laws that have [minima of their own](crate::mechanics::cohesive::CohesiveLaw::has_own_minima).
-pub(super) fn own_minima(laws: &str) -> String {
-    format!(
-        "fits of {laws} end in one of several minima that are nearly as good (corners of the law, parameters that stand for each other): \
-         standard uncertainties, intervals and bands belong to the one found and hold the truth less often than they say; fit from \
-         other values before they are believed (docs/identification.md, \"Law against law\")"
-    )
-}

@@ -11,7 +11,7 @@ use super::intervals::{IntervalBasis, settle};
 use super::misfit::Misfit;
 use super::objective::{Evaluation, Problem};
 use super::options::{Discretisation, FitOptions, Intervals, RotationCheck};
-use super::plausibility::{Implausible, implausible_result};
+use super::plausibility::implausible_result;
 use super::released::Released;
 use super::released_width::ReleasedWidth;
 use super::rotations::Rotations;
@@ -26,6 +26,7 @@ use super::{FitError, estimated_boundary::estimate_boundary};
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::{CohesiveLaw, LawLimit};
 use crate::mechanics::{BoundaryHistory, Solution};
+use crate::remark::Remark;
 use rayon::prelude::*;
 
 /// Distance of a limit of the law below which the fit has run against it.
@@ -80,7 +81,7 @@ pub struct Fit {
     /// What noise, each constant and the size of the elements add to the intervals; no lines without covariance.
     pub budget: Budget,
     /// Values of the result that hardly anything has.
-    pub implausible: Vec<Implausible>,
+    pub remarks: Vec<Remark>,
     /// What the intervals rest on: linear theory or the profile likelihood, and a bootstrap; `None` without covariance.
     pub intervals: Option<IntervalBasis>,
     /// What elements half as large would change; `None` where that was not asked for or could not be computed.
@@ -432,7 +433,7 @@ fn appraise(
         verdict,
         constants,
         budget,
-        implausible: implausible_result(problem, &*law),
+        remarks: implausible_result(problem, &*law),
         intervals,
         refinement,
         rotations,

@@ -2,10 +2,12 @@
 //! (THEORY 15).
 
 use super::error::{FitError, wrong};
+use super::remarks;
 use crate::io::case::{CaseDirection, CaseForce};
 use crate::io::joint::ForceInput;
 use crate::mechanics::cohesive::CohesiveLaw;
 use crate::mechanics::{Joint, Model, NodeGroup, ReactionAt, ReactionGauge, Solution};
+use crate::remark::Remark;
 
 /// Rotation of the rigid motion that is taken off, rad, above which the direction of the force is named.
 const TURNED: f64 = 0.01;
@@ -56,7 +58,7 @@ impl LoadCell {
         asked: &CaseForce,
         input: &ForceInput,
         needs_std: bool,
-        doubts: &mut Vec<String>,
+        found: &mut Vec<Remark>,
     ) -> Result<Self, FitError> {
         let refused = |key: &str, what: String| wrong("force", key, what);
         let names: Vec<&str> = joint.groups.iter().map(|group| group.name.as_str()).collect();
@@ -85,7 +87,8 @@ impl LoadCell {
                 "std_N is missing: the fit weighs the force by its standard uncertainty (N); or give use = false";
             return Err(refused("std_N", what.to_owned()));
         }
-        doubts.extend(input.notes.iter().map(|note| format!("{}: {note}", input.path.display())));
+        let file = format!("{}: ", input.path.display());
+        found.extend(input.remarks.iter().map(|remark| remark.clone().after(&file)));
         let known = input.values.iter().flatten().count();
         if known == 0 {
             let what = format!("{}: column '{}' has no value at any instant", input.path.display(), input.column);
@@ -93,10 +96,7 @@ impl LoadCell {
         }
         let turned = joint.removed.iter().fold(0.0_f64, |most, motion| most.max(motion.rotation_rad.abs()));
         if turned > TURNED {
-            doubts.push(format!(
-                "the rigid motion that is subtracted turns by up to {turned:.2e} rad, and the force's direction is not turned with it; give \
-                 remove_rigid_motion = \"none\""
-            ));
+            found.push(remarks::force_turned(turned));
         }
         let direction = asked.direction.unwrap_or(CaseDirection::Degrees(90.0)).unit();
         let direction = direction.map(|part| if part.abs() < 1e-15 { 0.0 } else { part });
@@ -166,26 +166,15 @@ impl LoadComparison {
     }
 
     /// What is to be looked at: forces of the other sign, or a factor apart.
-    pub fn doubt(&self, cell: &LoadCell) -> Option<String> {
+    pub fn remark(&self, cell: &LoadCell) -> Option<Remark> {
         let scale = self.scale?;
         if scale < 0.0 {
-            return Some(format!(
-                "the measured load of {} has the opposite sign of the computed one: give [force] direction the other way round, or \
-                 another group",
-                cell.group.name
-            ));
+            return Some(remarks::force_opposite(&cell.group.name));
         }
         // What the noise of the load cell makes of the factor counts.
         let square: f64 = self.points.iter().map(|(_, _, computed)| computed * computed).sum();
         let by_noise = cell.std_n.map_or(0.0, |std| 3.0 * std / square.sqrt());
-        ((scale - 1.0).abs() > OFF.max(by_noise)).then(|| {
-            format!(
-                "the measured load of {} is {scale:.3} times the computed one in the mean, as if the width were {:.4} mm and not {} mm: \
-                 check width_mm, the unit of the load, and whether the model holds all of the joint that bears it",
-                cell.group.name,
-                scale * cell.width_mm,
-                cell.width_mm
-            )
-        })
+        let is_off = (scale - 1.0).abs() > OFF.max(by_noise);
+        is_off.then(|| remarks::force_scaled(&cell.group.name, scale, cell.width_mm))
     }
 }

@@ -6,9 +6,7 @@ use super::objective::Problem;
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump, Traction};
 use crate::mechanics::substrate::SubstrateLaw;
-
-use serde::{Deserialize, Serialize};
-use std::borrow::Cow;
+use crate::remark::{About, Code, Remark};
 
 /// Young's moduli of solids, MPa: soft polymers to diamond.
 const YOUNG: [f64; 2] = [10.0, 1.2e6];
@@ -37,28 +35,15 @@ const LOADED: f64 = 0.1;
 /// The same for values that a fit starts from.
 const LOADED_AT_START: f64 = 0.01;
 
-/// A value that hardly anything has.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Implausible {
-    /// What it is of: `E`, `thickness`, `opening`, ....
-    pub name: String,
-    /// The value.
-    pub value: f64,
-    /// Its unit, `1` for a pure number.
-    pub unit: Cow<'static, str>,
-    /// What is the matter, and what may be meant.
-    pub text: String,
-}
-
-impl Implausible {
-    fn new(name: impl Into<String>, value: f64, unit: &'static str, text: impl Into<String>) -> Self {
-        Self { name: name.into(), value, unit: unit.into(), text: text.into() }
-    }
+/// The value of `name`, which hardly anything has.
+fn implausible(code: Code, name: impl Into<String>, value: f64, unit: &str, text: impl Into<String>) -> Remark {
+    let with_unit = if unit == "1" { "value".to_owned() } else { format!("value_{}", unit.replace('/', "_per_")) };
+    Remark::new(code, About::Parameter(name.into()), text).with(with_unit, value)
 }
 
 /// What is implausible of a case: materials, thickness and scale (`mm_per_px`, where it is known) of its joint, and the law that its
 /// fit starts from beside the measured jumps.
-pub fn implausible_joint(problem: &Problem<'_>, mm_per_px: Option<f64>) -> Vec<Implausible> {
+pub fn implausible_joint(problem: &Problem<'_>, mm_per_px: Option<f64>) -> Vec<Remark> {
     let joint = problem.joint;
     let mut found = Vec::new();
     let law = problem.unknowns.law();
@@ -77,7 +62,8 @@ pub fn implausible_joint(problem: &Problem<'_>, mm_per_px: Option<f64>) -> Vec<I
     if let Some(measured) = largest_jumps(problem) {
         let peak = at_peak(law);
         if measured.normal < LOADED_AT_START * peak.normal && measured.tangential < LOADED_AT_START * peak.tangential {
-            found.push(Implausible::new(
+            found.push(implausible(
+                Code::StartImplausible,
                 "start",
                 peak.normal,
                 "mm",
@@ -90,7 +76,8 @@ pub fn implausible_joint(problem: &Problem<'_>, mm_per_px: Option<f64>) -> Vec<I
         }
         let open = law.front_opening();
         if measured.normal > 1e3 * open {
-            found.push(Implausible::new(
+            found.push(implausible(
+                Code::StartImplausible,
                 "opening",
                 measured.normal,
                 "mm",
@@ -106,7 +93,7 @@ pub fn implausible_joint(problem: &Problem<'_>, mm_per_px: Option<f64>) -> Vec<I
 }
 
 /// What is implausible of the law that a fit ended at, beside its strips and the jumps that the joint reached.
-pub fn implausible_result(problem: &Problem<'_>, law: &dyn CohesiveLaw) -> Vec<Implausible> {
+pub fn implausible_result(problem: &Problem<'_>, law: &dyn CohesiveLaw) -> Vec<Remark> {
     let mut found = Vec::new();
     let peak = law.peak();
     for (name, mode, peak) in [("T_n_max", "normal", peak.normal), ("T_t_max", "tangential", peak.tangential)] {
@@ -119,7 +106,7 @@ pub fn implausible_result(problem: &Problem<'_>, law: &dyn CohesiveLaw) -> Vec<I
                     "{name} = {peak:.4} MPa is a {mode} traction that strips of E = {} MPa{yielding} hardly bear",
                     material.young()
                 );
-                found.push(Implausible::new(name, peak, "MPa", what));
+                found.push(implausible(Code::LawImplausible, name, peak, "MPa", what));
                 break;
             }
         }
@@ -131,13 +118,13 @@ pub fn implausible_result(problem: &Problem<'_>, law: &dyn CohesiveLaw) -> Vec<I
                 p.name,
                 1e3 * value
             );
-            found.push(Implausible::new(p.name, value, "N/mm", what));
+            found.push(implausible(Code::LawImplausible, p.name, value, "N/mm", what));
         } else if value > WORK[1] {
             let what = format!(
                 "{} = {value:.4} N/mm (kJ/m^2) is more than any adhesive takes: are E in MPa and lengths in mm?",
                 p.name
             );
-            found.push(Implausible::new(p.name, value, "N/mm", what));
+            found.push(implausible(Code::LawImplausible, p.name, value, "N/mm", what));
         }
     }
     if let Some(measured) = largest_jumps(problem) {
@@ -154,7 +141,7 @@ pub fn implausible_result(problem: &Problem<'_>, law: &dyn CohesiveLaw) -> Vec<I
             let what = format!(
                 "the joint's largest {mode} is {reached:.3e} mm, the law's largest traction lies at {at:.3e} mm: {rest}"
             );
-            found.push(Implausible::new(*mode, *reached, "mm", what));
+            found.push(implausible(Code::LawHardlyLoaded, *mode, *reached, "mm", what));
         }
     }
     found
@@ -164,10 +151,10 @@ fn value(material: &dyn SubstrateLaw, name: &str) -> Option<f64> {
     material.parameters().iter().position(|p| p.name == name).map(|k| material.values()[k])
 }
 
-fn of_material(material: &dyn SubstrateLaw, of: &str, law: &dyn CohesiveLaw, found: &mut Vec<Implausible>) {
+fn of_material(material: &dyn SubstrateLaw, of: &str, law: &dyn CohesiveLaw, found: &mut Vec<Remark>) {
     let young = material.young();
     let mut add = |name: &str, value: f64, unit, text: String| {
-        found.push(Implausible::new(format!("{name}{of}"), value, unit, text));
+        found.push(implausible(Code::MaterialImplausible, format!("{name}{of}"), value, unit, text));
     };
     let sigma_0 = value(material, "sigma_0");
     let peak = law.peak().normal.max(law.peak().tangential);
@@ -215,7 +202,7 @@ fn of_material(material: &dyn SubstrateLaw, of: &str, law: &dyn CohesiveLaw, fou
     }
 }
 
-fn lengths(joint: &Joint, mm_per_px: Option<f64>, found: &mut Vec<Implausible>) {
+fn lengths(joint: &Joint, mm_per_px: Option<f64>, found: &mut Vec<Remark>) {
     let mesh = joint.model.mesh();
     let gap = mesh.gap();
     if let Some(mm) = mm_per_px {
@@ -226,18 +213,19 @@ fn lengths(joint: &Joint, mm_per_px: Option<f64>, found: &mut Vec<Implausible>) 
                 "1 px = {mm} mm makes a joint of {:.4} mm with an adhesive {gap:.4} mm thick: is pixel_size_mm in mm?{meant}",
                 mesh.extent()
             );
-            found.push(Implausible::new("pixel_size", mm, "mm", what));
+            found.push(implausible(Code::LengthImplausible, "pixel_size", mm, "mm", what));
         }
         if gap < mm {
             let what = format!(
                 "the adhesive is {gap:.3e} mm thick, less than a pixel of {mm:.3e} mm: its faces cannot be told apart in the images"
             );
-            found.push(Implausible::new("thickness", gap, "mm", what));
+            found.push(implausible(Code::LengthImplausible, "thickness", gap, "mm", what));
         }
     }
     let height = strip_height(joint);
     if gap > THICKEST {
-        found.push(Implausible::new(
+        found.push(implausible(
+            Code::LengthImplausible,
             "thickness",
             gap,
             "mm",
@@ -245,7 +233,7 @@ fn lengths(joint: &Joint, mm_per_px: Option<f64>, found: &mut Vec<Implausible>) 
         ));
     } else if gap > height {
         let what = format!("the adhesive of {gap:.3e} mm is thicker than a strip of {height:.3e} mm beside it");
-        found.push(Implausible::new("thickness", gap, "mm", what));
+        found.push(implausible(Code::LengthImplausible, "thickness", gap, "mm", what));
     }
 }
 

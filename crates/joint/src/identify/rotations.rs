@@ -3,8 +3,10 @@
 use super::fitted::FittedParameter;
 use super::load_cell::LoadCell;
 use super::objective::{Evaluation, Problem};
+use super::remarks::{rotations_matter, rotations_unknown};
 use crate::linalg::Dense;
 use crate::mechanics::{BoundaryHistory, ForwardOptions, Kinematics, ModelOptions};
+use crate::remark::Remark;
 use std::cell::Cell;
 
 /// Change by finite rotations, in standard uncertainties, above which the run says so.
@@ -34,13 +36,8 @@ impl Rotations {
     }
 
     /// What a user has to know, if there is something.
-    pub fn warning(&self, parameters: &[FittedParameter]) -> Option<String> {
-        let Some(change) = &self.change else {
-            return Some(
-                "what finite rotations would change could not be computed (no solution with kinematics = \"finite\")"
-                    .into(),
-            );
-        };
+    pub fn remark(&self, parameters: &[FittedParameter]) -> Option<Remark> {
+        let Some(change) = &self.change else { return Some(rotations_unknown()) };
         let largest = self.in_stds(parameters).filter(|&largest| largest > ROTATIONS_TOLD)?;
         let told = change.iter().zip(parameters).map(|(change, p)| {
             format!(
@@ -51,13 +48,7 @@ impl Rotations {
             )
         });
         let told = told.collect::<Vec<_>>().join(", ");
-        let head = match largest > ROTATIONS_HELD {
-            true => "small rotations do not hold",
-            false => "rotations are not quite small",
-        };
-        Some(format!(
-            "{head}: finite ones would change {told}, to first order; take [cohesive] kinematics = \"finite\""
-        ))
+        Some(rotations_matter(&told, largest, largest <= ROTATIONS_HELD))
     }
 }
 

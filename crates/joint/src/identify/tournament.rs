@@ -10,12 +10,13 @@ use super::bands::{CurveBand, curve_bands_up_to, reach_of};
 use super::budget::interval95;
 use super::constants::{Constant, ConstantKind};
 use super::error::{FitError, wrong};
-use super::far_starts::{other_minima, own_minima};
+use super::far_starts::other_minima;
 use super::fit::{Fit, fit};
 use super::law_starts::started;
 use super::left_out::LeftOut;
 use super::objective::Problem;
 use super::options::{FitOptions, Intervals};
+use super::remarks::own_minima;
 use super::statistics::NORMAL_95;
 use super::trust_region::{FitStatus, TrustRegionOptions};
 use super::unknowns::Unknowns;
@@ -553,7 +554,7 @@ impl Tournament<'_> {
         let rough = |law: &&LawFit<'_>| law.problem.unknowns.law().has_own_minima();
         let rough: Vec<&str> = self.alike.iter().map(|&k| &self.laws[k]).filter(rough).map(LawFit::name).collect();
         if !rough.is_empty() {
-            said.push(own_minima(&rough.join(", ")));
+            said.push(own_minima(&rough.join(", ")).text);
         }
         if self.laws.iter().all(|law| law.problem.noise.sigma.is_none()) {
             said.push(

@@ -5,10 +5,12 @@ use super::constants::{Constant, ConstantKind, Face, Source};
 use super::error::{FitError, wrong};
 use super::load_cell::LoadCell;
 use super::options::RotationCheck;
+use super::remarks::uncertainty_unused;
 use crate::io::case::{CaseCohesive, CaseExact, CaseFit, CaseMaterial, CaseMeasurement, CaseSubstrate, EXACT, STD};
 use crate::io::joint::{JointInput, MeasurementInput, MeshInput};
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::Parameter;
+use crate::remark::Remark;
 use std::collections::BTreeMap;
 
 /// Default standard uncertainty of Young's modulus, by its value.
@@ -119,17 +121,17 @@ fn choose(
     }
 }
 
-/// The constants of a case, each with what the case states of it, or the default; what is stated and not used is named in `doubts`.
+/// The constants of a case, each with what the case states of it, or the default; what is stated and not used is named in `found`.
 pub(super) fn constants(
     joint: &Joint,
     input: &JointInput,
     fit: &CaseFit,
     measurement: &CaseMeasurement,
     force: Option<&LoadCell>,
-    doubts: &mut Vec<String>,
+    found: &mut Vec<Remark>,
 ) -> Result<Vec<Constant>, FitError> {
     let mut list = materials(joint, &input.case.substrate)?;
-    list.extend(law(joint, &input.case.cohesive, fit, doubts)?);
+    list.extend(law(joint, &input.case.cohesive, fit, found)?);
     list.extend(lengths(joint, mm_per_px(input), fit, measurement)?);
     list.extend(force.map(|cell| width(input, fit, cell)).transpose()?);
     Ok(list)
@@ -203,12 +205,7 @@ fn materials(joint: &Joint, substrate: &CaseSubstrate) -> Result<Vec<Constant>, 
     Ok(list)
 }
 
-fn law(
-    joint: &Joint,
-    given: &CaseCohesive,
-    fit: &CaseFit,
-    doubts: &mut Vec<String>,
-) -> Result<Vec<Constant>, FitError> {
+fn law(joint: &Joint, given: &CaseCohesive, fit: &CaseFit, found: &mut Vec<Remark>) -> Result<Vec<Constant>, FitError> {
     let section = "cohesive";
     let parameters: &[Parameter] = joint.law.parameters();
     let names: Vec<&str> = parameters.iter().map(|p| p.name).collect();
@@ -219,7 +216,7 @@ fn law(
         let stated = std_of(section, &given.values, &key)?;
         if fit.parameters.iter().any(|name| name == p.name) {
             if stated.is_some() {
-                doubts.push(format!("[{section}] {key} is not used: {} is fitted", p.name));
+                found.push(uncertainty_unused(section, &key, p.name));
             }
             continue;
         }

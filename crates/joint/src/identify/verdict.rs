@@ -173,14 +173,14 @@ impl Verdict {
     pub(super) fn with_rotations(mut self, rotations: Option<&Rotations>, parameters: &[FittedParameter]) -> Self {
         let held = |rotations: &&Rotations| rotations.in_stds(parameters).is_none_or(|cost| cost <= ROTATIONS_HELD);
         let cost = rotations.filter(|rotations| rotations.change.is_some() && !held(rotations));
-        let Some(sentence) = cost.and_then(|rotations| rotations.warning(parameters)) else { return self };
+        let Some(sentence) = cost.and_then(|rotations| rotations.remark(parameters)) else { return self };
         if self.outcome == Outcome::Determined {
             self.outcome = Outcome::NotDetermined;
             let names = list_of(parameters);
             self.sentences[0] = format!("{names} are not determined by a model whose rotations are small");
         }
         let place = self.sentences.len().min(1);
-        self.sentences.insert(place, sentence);
+        self.sentences.insert(place, sentence.text);
         self
     }
 }

@@ -10,6 +10,7 @@ use super::groups::{NodeGroup, select_nodes};
 use super::joint::{Carry, JointMesh};
 use super::model::{Model, ModelOptions};
 use super::parts::JointParts;
+use super::remarks;
 use super::substrate::{
     PlaneState, RambergOsgood, SUBSTRATE_NAMES, SubstrateLaw, Tabulated, substrate_by_name, substrate_parameters,
 };
@@ -19,6 +20,7 @@ use crate::io::case::{
     EXACT, LawKey, LawKeys, STD,
 };
 use crate::io::joint::{BoundaryInput, BoundaryTable, JointInput, JointMeshFile, JointRun, MeshInput};
+use crate::remark::Remark;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -42,7 +44,7 @@ pub struct Joint {
     /// The rigid motion that was taken off at each instant; empty when none was asked to be.
     pub removed: Vec<RigidMotion>,
     /// What is possible, but hardly meant.
-    pub doubts: Vec<String>,
+    pub remarks: Vec<Remark>,
 }
 
 /// The mesh of a measurement. Its nodes have the same numbers in the mesh of the model, which may be a refinement.
@@ -93,10 +95,10 @@ impl Joint {
             let nodes = select_nodes(text, &mesh).map_err(refused)?;
             mesh = mesh.with_crack(&nodes).map_err(|fault| refused(fault.to_string()))?;
         }
-        let mut doubts = Vec::new();
+        let mut found = Vec::new();
         let mut boundary = match &input.boundary {
-            BoundaryInput::Table(table) => Some(from_table(table, &input.mesh, &mesh, &mut doubts)?),
-            BoundaryInput::Run(run) => Some(from_run(run, &mesh, &mut doubts)?),
+            BoundaryInput::Table(table) => Some(from_table(table, &input.mesh, &mesh, &mut found)?),
+            BoundaryInput::Run(run) => Some(from_run(run, &mesh, &mut found)?),
             BoundaryInput::Drives => None,
         };
         let mut measured = MeasuredMesh {
@@ -122,11 +124,7 @@ impl Joint {
             (boundary, removed) = (Some(left), motions);
             if kinematics == Kinematics::Paper {
                 let largest = removed.iter().fold(0.0_f64, |most, motion| most.max(motion.rotation_rad.abs()));
-                doubts.push(format!(
-                    "the overall rigid motion is taken off (rotation up to {largest:.2e} rad); with kinematics = \
-                     \"paper\" this changes the sliding jump by up to {:.2e} mm",
-                    largest * mesh.gap()
-                ));
+                found.push(remarks::rigid_motion_removed(largest, mesh.gap()));
             }
         }
         let materials = materials_of_case(&case.substrate, mesh.groups())?;
@@ -150,7 +148,7 @@ impl Joint {
             }
         };
         let groups = node_groups(input, &model, &boundary, measured.carry.as_ref())?;
-        let mut joint = Self { model, law, boundary, measured, groups, removed, doubts };
+        let mut joint = Self { model, law, boundary, measured, groups, removed, remarks: found };
         joint.doubt_units();
         Ok(joint)
     }
@@ -159,17 +157,12 @@ impl Joint {
     fn doubt_units(&mut self) {
         let (size, opening) = (self.model.mesh().element_size(), self.law.front_opening());
         if size > 1e4 * opening || size < 1e-4 * opening {
-            self.doubts.push(format!(
-                "elements of {size:.3e} mm beside a joint that is open at {opening:.3e} mm: are all lengths in mm?"
-            ));
+            self.remarks.push(remarks::elements_apart(size, opening));
         }
         let largest = self.boundary.instants().iter().flatten().flatten().fold(0.0_f64, |most, u| most.max(u.abs()));
         let extent = self.model.mesh().extent();
         if largest > extent {
-            self.doubts.push(format!(
-                "the border moves by up to {largest:.3e} mm, more than the joint's size of {extent:.3e} mm: are all \
-                 lengths in mm?"
-            ));
+            self.remarks.push(remarks::border_apart(largest, extent));
         }
     }
 }
@@ -246,7 +239,7 @@ fn from_table(
     table: &BoundaryTable,
     input: &MeshInput,
     mesh: &JointMesh,
-    doubts: &mut Vec<String>,
+    found: &mut Vec<Remark>,
 ) -> Result<BoundaryHistory, JointError> {
     let file = match input {
         MeshInput::File(file) => Some(file),
@@ -278,27 +271,15 @@ fn from_table(
         return Err(JointError::NotPrescribed { path: table.path.clone(), node, x, y });
     }
     let free: Vec<u32> = mesh.outer_nodes().into_iter().filter(|&node| !given[node as usize]).collect();
-    if let Some(first) = free.first() {
-        doubts.push(format!(
-            "{} nodes of the outer border are not prescribed and left free (the first is node {first}); measured \
-             displacements of the whole border, end nodes of the adhesive's faces included, determine the joint better",
-            free.len()
-        ));
-    }
+    found.extend(remarks::border_free(&free));
     BoundaryHistory::new(nodes, table.instants.clone())
         .map_err(|fault| JointError::Boundary { path: table.path.clone(), fault })
 }
 
 /// The measured displacements of the outer nodes, frame by frame.
-fn from_run(run: &JointRun, mesh: &JointMesh, doubts: &mut Vec<String>) -> Result<BoundaryHistory, JointError> {
+fn from_run(run: &JointRun, mesh: &JointMesh, found: &mut Vec<Remark>) -> Result<BoundaryHistory, JointError> {
     let path = || run.path.clone();
-    if !run.left_out.is_empty() {
-        let numbers: Vec<String> = run.left_out.iter().map(usize::to_string).collect();
-        doubts.push(format!(
-            "frames {} did not converge and are left out; instants are counted without them",
-            numbers.join(", ")
-        ));
-    }
+    found.extend(remarks::frames_left_out(&run.left_out));
     let nodes = mesh.outer_nodes();
     let mut instants = Vec::with_capacity(run.instants.len());
     for (&frame, field) in run.frames.iter().zip(&run.instants) {

@@ -22,6 +22,7 @@ mod pairing;
 mod parts;
 mod path_work;
 mod reaction;
+mod remarks;
 mod sensitivity;
 mod solution;
 mod specimen;

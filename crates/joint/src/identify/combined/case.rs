@@ -2,11 +2,12 @@
 
 use super::super::case::Case;
 use super::super::error::{FitError, wrong};
-use super::super::far_starts::own_minima;
 use super::super::objective::Problem;
+use super::super::remarks;
 use super::sources::{CombinedConstant, combined_constants};
 use crate::io::joint::{JointMeshFile, MeshInput, TestInput, TestsInput};
 use crate::mechanics::Joint;
+use crate::remark::Remark;
 
 /// Share by which the thickness of the adhesive may differ between tests before it is named: a law may depend on it.
 pub const SAME_GAP: f64 = 0.1;
@@ -21,7 +22,7 @@ pub struct CombinedCase<'a> {
     /// The tests.
     pub tests: Vec<TestCase<'a>>,
     /// What is possible, but hardly meant.
-    pub doubts: Vec<String>,
+    pub remarks: Vec<Remark>,
     /// Time after which the fit ends at the best point so far, s.
     pub max_seconds: Option<f64>,
     /// The constants of all tests.
@@ -77,24 +78,24 @@ impl<'a> CombinedCase<'a> {
             }
             tests.push(TestCase { name: name.clone(), case: made });
         }
-        let mut doubts = input.notes.clone();
+        let mut found: Vec<Remark> = input.notes.iter().map(|note| remarks::law_unused(note)).collect();
         for (test, joint) in tests.iter().zip(joints) {
-            let named = |doubt: &String| format!("test \"{}\": {doubt}", test.name);
-            doubts.extend(joint.doubts.iter().chain(&test.case.doubts).map(named));
+            let named = |remark: &Remark| remark.clone().of_test(&test.name);
+            found.extend(joint.remarks.iter().chain(&test.case.remarks).map(named));
         }
         if let Some(law) = joints.first().map(|joint| &joint.law)
             && law.has_own_minima()
         {
-            doubts.push(own_minima(law.name()));
+            found.push(remarks::own_minima(law.name()));
         }
-        doubts.extend(input.tests.iter().filter_map(two_scales));
-        doubts.extend(between(&tests));
+        found.extend(input.tests.iter().filter_map(two_scales));
+        found.extend(between(&tests));
         let names: Vec<&str> = tests.iter().map(|test| test.name.as_str()).collect();
         let constants: Vec<&[_]> = tests.iter().map(|test| test.case.options.constants.as_slice()).collect();
-        let constants = combined_constants(&names, &constants, input.fit.shared.as_deref(), &mut doubts)
+        let constants = combined_constants(&names, &constants, input.fit.shared.as_deref(), &mut found)
             .map_err(|error| error.in_case(&input.text))?;
         let max_seconds = tests.first().and_then(|test| test.case.max_seconds);
-        Ok(Self { tests, doubts, max_seconds, constants })
+        Ok(Self { tests, remarks: found, max_seconds, constants })
     }
 }
 
@@ -156,7 +157,7 @@ fn same_law(joints: &[Joint], input: &TestsInput) -> Result<(), FitError> {
 }
 
 /// Two scales of the same images.
-fn two_scales(test: &TestInput) -> Option<String> {
+fn two_scales(test: &TestInput) -> Option<Remark> {
     let of_mesh = match &test.input.mesh {
         MeshInput::File(JointMeshFile { mm_per_px, .. }) | MeshInput::Run(JointMeshFile { mm_per_px, .. }) => {
             *mm_per_px
@@ -164,63 +165,41 @@ fn two_scales(test: &TestInput) -> Option<String> {
         MeshInput::Rectangle { .. } => None,
     }?;
     let of_table = test.input.case.measurement.as_ref()?.pixel_size_mm?;
-    ((of_mesh - of_table).abs() > SAME_SCALE * of_mesh).then(|| {
-        format!(
-            "test \"{}\": its mesh was made with {of_mesh} mm per pixel, its [measurement] says {of_table}; one of them is wrong, and \
-             all lengths with it",
-            test.name
-        )
-    })
+    let differ = (of_mesh - of_table).abs() > SAME_SCALE * of_mesh;
+    differ.then(|| remarks::scales_differ(&test.name, of_mesh, of_table))
 }
 
 /// What two tests say that hardly goes together.
-fn between(tests: &[TestCase<'_>]) -> Vec<String> {
-    let mut doubts = Vec::new();
+fn between(tests: &[TestCase<'_>]) -> Vec<Remark> {
+    let mut found = Vec::new();
     for (k, b) in tests.iter().enumerate() {
         for a in &tests[..k] {
-            doubts.extend(same_data(a, b));
-            doubts.extend(other_gap(a, b));
-            doubts.extend(other_stiffness(a, b));
+            found.extend(same_data(a, b));
+            found.extend(other_gap(a, b));
+            found.extend(other_stiffness(a, b));
         }
     }
-    doubts
+    found
 }
 
-fn same_data(a: &TestCase<'_>, b: &TestCase<'_>) -> Option<String> {
+fn same_data(a: &TestCase<'_>, b: &TestCase<'_>) -> Option<Remark> {
     let data = |test: &TestCase<'_>| {
         let instants = &test.case.problem.observation.instants;
         instants.iter().map(|instant| instant.displacement.clone()).collect::<Vec<_>>()
     };
-    (data(a) == data(b)).then(|| {
-        format!(
-            "tests \"{}\" and \"{}\" hold the same displacements: one measurement counts twice, and what it tells has an uncertainty \
-             that is too small by a factor of up to 1.4; take one away",
-            a.name, b.name
-        )
-    })
+    (data(a) == data(b)).then(|| remarks::data_twice([&a.name, &b.name]))
 }
 
-fn other_gap(a: &TestCase<'_>, b: &TestCase<'_>) -> Option<String> {
+fn other_gap(a: &TestCase<'_>, b: &TestCase<'_>) -> Option<Remark> {
     let gap = |problem: &Problem<'_>| problem.joint.model.mesh().gap();
     let [x, y] = [gap(&a.case.problem), gap(&b.case.problem)];
     let ratio = (x / y).max(y / x);
-    let said = format!("the adhesive is {x:.4} mm thick in test \"{}\" and {y:.4} mm in test \"{}\"", a.name, b.name);
-    match ratio {
-        ratio if ratio.is_finite() && ratio > OTHER_UNIT => Some(format!("{said}: lengths in another unit?")),
-        ratio if ratio > 1.0 + SAME_GAP => {
-            Some(format!("{said}: one law is fitted to both, although it may depend on the thickness"))
-        }
-        _ => None,
-    }
+    let other_unit = ratio.is_finite() && ratio > OTHER_UNIT;
+    (ratio > 1.0 + SAME_GAP).then(|| remarks::thickness_differs([&a.name, &b.name], [x, y], other_unit))
 }
 
-fn other_stiffness(a: &TestCase<'_>, b: &TestCase<'_>) -> Option<String> {
+fn other_stiffness(a: &TestCase<'_>, b: &TestCase<'_>) -> Option<Remark> {
     let young = |test: &TestCase<'_>| test.case.problem.joint.model.materials().first().map(|law| law.young());
     let (x, y) = (young(a)?, young(b)?);
-    ((x / y).max(y / x) > OTHER_UNIT).then(|| {
-        format!(
-            "the strips have E = {x} MPa in test \"{}\" and {y} MPa in test \"{}\": a modulus in another unit?",
-            a.name, b.name
-        )
-    })
+    ((x / y).max(y / x) > OTHER_UNIT).then(|| remarks::stiffness_differs([&a.name, &b.name], [x, y]))
 }

@@ -269,7 +269,7 @@ fn put_together(
             statistics,
             constants: made.effects[k].clone(),
             budget: made.budget.clone(),
-            implausible: implausible_result(tests[k].problem, &*law),
+            remarks: implausible_result(tests[k].problem, &*law),
             intervals: made.intervals.clone(),
             refinement: made.refinement(refined[k].as_ref()),
             rotations: rotations.clone(),

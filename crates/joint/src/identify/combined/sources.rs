@@ -4,9 +4,11 @@ use super::super::budget::NOISE_LEVEL;
 use super::super::constants::{Constant, ConstantEffect, ConstantKind, Source, power_of_length};
 use super::super::error::{FitError, wrong};
 use super::super::objective::{Evaluation, Problem};
+use super::super::remarks::uncertainties_differ;
 use super::super::statistics::Statistics;
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::Jump;
+use crate::remark::Remark;
 
 /// A constant of one test or of several.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,7 +28,7 @@ pub(super) fn combined_constants(
     names: &[&str],
     constants: &[&[Constant]],
     shared: Option<&[String]>,
-    doubts: &mut Vec<String>,
+    remarks: &mut Vec<Remark>,
 ) -> Result<Vec<CombinedConstant>, FitError> {
     let listed = |name: &str| shared.is_some_and(|list| list.iter().any(|one| one == name));
     for name in shared.unwrap_or_default() {
@@ -54,10 +56,7 @@ pub(super) fn combined_constants(
             if let Some(one) = one.map(|at| &mut found[at]) {
                 if of_law && one.constant.std != constant.std {
                     if constant.name != NOISE_LEVEL {
-                        doubts.push(format!(
-                            "the tests state different uncertainties of {}: the larger one is taken for all",
-                            constant.name
-                        ));
+                        remarks.push(uncertainties_differ(&constant.name));
                     }
                     if constant.std > one.constant.std {
                         one.constant = constant.clone();
