@@ -1,6 +1,7 @@
 //! What there is to say of a frame and of its image.
 
-use crate::correlate::{Ambiguity, Correlation, NOISE_CONTRADICTED, ZoneResult};
+use crate::correlate::{Ambiguity, Correlation, ZoneResult};
+use crate::field::NOISE_CONTRADICTED;
 use crate::imaging::{Blank, Saturation};
 use crate::remark::{About, Code, Remark};
 

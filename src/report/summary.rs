@@ -2,9 +2,7 @@
 
 use super::{Name, frame_remarks, number};
 use crate::backend::Traffic;
-use crate::correlate::{
-    Ambiguity, Correlation, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault, ZoneResult,
-};
+use crate::correlate::{Ambiguity, Correlation, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault};
 use crate::field::{Marked, Measurement, Misfit, RigidMotion, Status};
 use crate::imaging::{Blank, Saturation};
 use crate::remark::{About, Remark};
