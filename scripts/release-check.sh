@@ -40,7 +40,7 @@ examples() {
 gate() { cargo bench "${whole[@]}" --bench report -- gate; }
 browser() {
     scripts/prepare.sh --chromium
-    QUADRILLE_CHROMIUM=require scripts/test.sh "${profile[@]}" --test commands -- browser
+    QUADRILLE_CHROMIUM=require scripts/test.sh "${profile[@]}" --test commands -- view:: studio:: run:: metrology::
 }
 slurm() { scripts/prepare.sh --slurm && QUADRILLE_SLURM=require cargo test "${whole[@]}" --test slurm; }
 thorough() { QUADRILLE_THOROUGH=1 scripts/test.sh "${profile[@]}" -- thorough; }
