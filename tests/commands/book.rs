@@ -106,8 +106,8 @@ fn every_command_in_the_pages_is_one_that_the_program_knows() {
         // In the middle of a sentence, as far as the name of the command and its flags go.
         for quoted in text.split('`').skip(1).step_by(2).filter(|quoted| quoted.starts_with("quadrille ")) {
             let Some(line) = words(&quoted.replace(['…', '\''], "")) else { continue };
-            let line: Vec<&String> =
-                line.iter().skip(1).filter(|word| word.starts_with(|c: char| c.is_ascii_lowercase())).collect();
+            let is_word = |word: &&String| word.starts_with(|c: char| c.is_ascii_lowercase());
+            let line: Vec<&String> = line.iter().skip(1).take_while(is_word).collect();
             if line.is_empty() {
                 continue;
             }

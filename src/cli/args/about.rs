@@ -47,7 +47,7 @@ pub enum About {
         output: PathBuf,
     },
     /// Write the licences of quadrille and of the work of others that it contains.
-    #[command(visible_alias = "licenses")]
+    #[command(alias = "licenses")]
     Licences,
 }
 

@@ -2,6 +2,7 @@
 
 use super::{Cli, grouped};
 use clap::{Arg, Command, CommandFactory};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// Options that every command has: told once, at the top.
@@ -18,12 +19,12 @@ pub fn command_reference() -> String {
     let mut command = grouped(Cli::command());
     command.build();
     let mut text = format!("{HEAD}\n| command | what it does |\n| --- | --- |\n");
-    let mut sections = String::new();
+    let (mut sections, mut known) = (String::new(), Known::new());
     for inner in inner(&command) {
         let name = format!("quadrille {}", inner.get_name());
         let about = inner.get_about().map(ToString::to_string).unwrap_or_default();
         let _ = writeln!(text, "| [`{name}`](#{}) | {} |", name.replace(' ', "-"), cell(&about));
-        section(&mut sections, inner, &name);
+        section(&mut sections, &mut known, inner, &name);
     }
     text.push_str("\nEvery command takes these as well:\n\n");
     let all: Vec<&Arg> = command.get_arguments().filter(|arg| EVERYWHERE.contains(&arg.get_id().as_str())).collect();
@@ -36,7 +37,10 @@ fn inner(command: &Command) -> impl Iterator<Item = &Command> {
     command.get_subcommands().filter(|inner| inner.get_name() != "help" && !inner.is_hide_set())
 }
 
-fn section(text: &mut String, command: &Command, name: &str) {
+/// Rows of options, and the first command that has each.
+type Known = BTreeMap<String, String>;
+
+fn section(text: &mut String, known: &mut Known, command: &Command, name: &str) {
     let about = command.get_about().map(ToString::to_string).unwrap_or_default();
     let _ = write!(text, "\n## `{name}`\n\n{}\n", point(&about));
     let aliases: Vec<String> = command.get_visible_aliases().map(|alias| format!("`quadrille {alias}`")).collect();
@@ -45,6 +49,19 @@ fn section(text: &mut String, command: &Command, name: &str) {
     }
     let shown = |arg: &&Arg| !arg.is_hide_set() && !EVERYWHERE.contains(&arg.get_id().as_str());
     let arguments: Vec<&Arg> = command.get_arguments().filter(shown).collect();
+    // An option that an earlier command has with the same words is named, not described again.
+    let mut earlier: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    let mut arguments = arguments;
+    arguments.retain(|arg| match known.get(&row(arg)) {
+        Some(first) if !arg.is_positional() => {
+            earlier.entry(first.clone()).or_default().push(format!("`{}`", spelled(arg)));
+            false
+        }
+        _ => {
+            known.insert(row(arg), name.to_owned());
+            true
+        }
+    });
     let mut headings = vec![None];
     for arg in &arguments {
         if !headings.contains(&arg.get_help_heading()) {
@@ -61,28 +78,34 @@ fn section(text: &mut String, command: &Command, name: &str) {
             table(text, &of);
         }
     }
+    for (first, options) in earlier {
+        let _ = write!(text, "\nAs of [`{first}`](#{}): {}.\n", first.replace(' ', "-"), options.join(", "));
+    }
     if let Some(after) = command.get_after_help() {
         let _ = write!(text, "\n```text\n{}\n```\n", after.to_string().trim_end());
     }
     for inner in inner(command) {
-        section(text, inner, &format!("{name} {}", inner.get_name()));
+        section(text, known, inner, &format!("{name} {}", inner.get_name()));
     }
 }
 
 fn table(text: &mut String, arguments: &[&Arg]) {
     text.push_str("| option | value | what it is |\n| --- | --- | --- |\n");
-    for arg in arguments {
-        let takes = arg.get_action().takes_values();
-        let names =
-            || arg.get_value_names().unwrap_or_default().iter().map(ToString::to_string).collect::<Vec<_>>().join(" ");
-        let (option, value) = match (arg.is_positional(), takes) {
-            (true, _) => (names(), String::new()),
-            (false, true) => (spelled(arg), names()),
-            (false, false) => (spelled(arg), String::new()),
-        };
-        let code = |word: String| if word.is_empty() { word } else { format!("`{}`", cell(&word)) };
-        let _ = writeln!(text, "| {} | {} | {} |", code(option), code(value), cell(&told(arg, takes)));
-    }
+    arguments.iter().for_each(|arg| text.push_str(&row(arg)));
+}
+
+/// The row of an option: how it is spelled, what it takes, what it is.
+fn row(arg: &Arg) -> String {
+    let takes = arg.get_action().takes_values();
+    let names =
+        || arg.get_value_names().unwrap_or_default().iter().map(ToString::to_string).collect::<Vec<_>>().join(" ");
+    let (option, value) = match (arg.is_positional(), takes) {
+        (true, _) => (names(), String::new()),
+        (false, true) => (spelled(arg), names()),
+        (false, false) => (spelled(arg), String::new()),
+    };
+    let code = |word: String| if word.is_empty() { word } else { format!("`{}`", cell(&word)) };
+    format!("| {} | {} | {} |\n", code(option), code(value), cell(&describe(arg, takes)))
 }
 
 /// `-q, --quiet`.
@@ -93,7 +116,7 @@ fn spelled(arg: &Arg) -> String {
 }
 
 /// What an argument is: its help, whether it has to be there, its choices, its default, its variable.
-fn told(arg: &Arg, takes: bool) -> String {
+fn describe(arg: &Arg, takes: bool) -> String {
     let mut said = vec![point(&arg.get_help().map(ToString::to_string).unwrap_or_default())];
     if arg.is_required_set() {
         said.push("Required.".to_owned());

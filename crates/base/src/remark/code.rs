@@ -461,7 +461,7 @@ Files hold remarks under the key `remarks`: `summary.json` (of the run and of ea
 
 A fit takes over the warnings of its correlation. Of several tests, `values` holds the name of the `test`.
 
-`quadrille schema --remarks` writes this page.
+`quadrille about remarks` writes this page.
 "#;
 
 /// The page on all codes, as Markdown: `docs/remarks.md`.
