@@ -39,7 +39,8 @@ fn inner(command: &Command) -> impl Iterator<Item = &Command> {
 fn section(text: &mut String, command: &Command, name: &str) {
     let about = command.get_about().map(ToString::to_string).unwrap_or_default();
     let _ = write!(text, "\n## `{name}`\n\n{}\n", point(&about));
-    let aliases: Vec<String> = command.get_visible_aliases().map(|alias| format!("`quadrille {alias}`")).collect();
+    let (outer, _) = name.rsplit_once(' ').unwrap_or_default();
+    let aliases: Vec<String> = command.get_visible_aliases().map(|alias| format!("`{outer} {alias}`")).collect();
     if !aliases.is_empty() {
         let _ = write!(text, "\nAlso {}.\n", aliases.join(", "));
     }
