@@ -43,7 +43,8 @@ type Known = BTreeMap<String, String>;
 fn section(text: &mut String, known: &mut Known, command: &Command, name: &str) {
     let about = command.get_about().map(ToString::to_string).unwrap_or_default();
     let _ = write!(text, "\n## `{name}`\n\n{}\n", point(&about));
-    let aliases: Vec<String> = command.get_visible_aliases().map(|alias| format!("`quadrille {alias}`")).collect();
+    let (outer, _) = name.rsplit_once(' ').unwrap_or_default();
+    let aliases: Vec<String> = command.get_visible_aliases().map(|alias| format!("`{outer} {alias}`")).collect();
     if !aliases.is_empty() {
         let _ = write!(text, "\nAlso {}.\n", aliases.join(", "));
     }
