@@ -15,7 +15,7 @@ use quadrille::io::store::Store;
 use quadrille::mesh::{Roi, Zone};
 use quadrille::remark::Code;
 use quadrille::synth::{Motion, Rotation, Translation};
-use serde_json::{Value, json};
+use serde_json::json;
 use std::fs::File;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
