@@ -182,6 +182,11 @@ def holds(fit, key):
     return low <= TRUTH[key] <= high
 
 
+def implausible_of(fit):
+    hardly = [remark["code"] for remark in fit.get("remarks", [])]
+    return [code for code in hardly if code.endswith("-implausible") or code == "law-hardly-loaded"]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--program", default="target/release/quadrille")
@@ -206,7 +211,7 @@ def main():
                 misfit, released = fit["misfit"] or {}, fit["released"] or {}
                 for key, truth in TRUTH.items():
                     p = fit["parameters"][key]
-                    table.writerow([seed, name, fit["verdict"]["outcome"], len(fit.get("implausible") or []), key, p["value"],
+                    table.writerow([seed, name, fit["verdict"]["outcome"], len(implausible_of(fit)), key, p["value"],
                                     p["std"], *p["ends95"], truth, misfit.get("z"), misfit.get("excess"),
                                     released.get("omega_falls_by"), fit["seconds"], fit["verdict"]["text"]])
             out.flush()
@@ -218,9 +223,9 @@ def main():
     for (name, asked), all_ in found.items():
         done, refused = [fit for fit in all_ if not isinstance(fit, str)], sum(isinstance(fit, str) for fit in all_)
         count = lambda outcome: sum(fit["verdict"]["outcome"] == outcome for fit in done)
-        implausible = sum(bool(fit.get("implausible")) for fit in done)
+        implausible = sum(bool(implausible_of(fit)) for fit in done)
         held = [sum(holds(fit, key) for fit in done) for key in TRUTH]
-        doubted = lambda fit: fit["verdict"]["outcome"] != "determined" or bool(fit.get("implausible"))
+        doubted = lambda fit: fit["verdict"]["outcome"] != "determined" or bool(implausible_of(fit))
         honest = refused + sum(doubted(fit) or all(holds(fit, key) for key in TRUTH) for fit in done)
         error = ", ".join(f"{100 * (sum(fit['parameters'][k]['value'] for fit in done) / len(done) / truth - 1):+.1f}"
                           for k, truth in TRUTH.items()) if done else "-"

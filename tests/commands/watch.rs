@@ -7,6 +7,7 @@ use program::process::{assert_same, end, results, signal, start, wait_for_frames
 use program::{Desk, moved};
 use quadrille::field::Status;
 use quadrille::io::store::Store;
+use quadrille::remark::{About, Code};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde_json::Value;
@@ -216,7 +217,9 @@ fn an_image_that_is_late_gets_the_next_number_and_correlate_over_the_folder_says
     shoot(&desk, "c.png", 3);
     let (code, said) = end(child);
     assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("shots/a.png came after shots/b.png"), "{said}");
+    let late = &desk.remarks("out", Code::FrameLate)[0];
+    let (file, after) = (About::File("shots/a.png".into()), "shots/b.png".into());
+    assert_eq!((&late.about, &late.values["after"]), (&file, &after), "{said}");
     assert_eq!(
         Store::open(desk.path("out")).unwrap().header().frames,
         ["b", "a", "c"].map(|n| format!("shots/{n}.png"))

@@ -10,6 +10,7 @@ use quadrille::imaging::{Image, Levels, Pixels, Specimen};
 use quadrille::io::csv::NodeValues;
 use quadrille::io::images::read_image;
 use quadrille::mesh::{Guard, Zone};
+use quadrille::remark::Code;
 use std::sync::Arc;
 
 const WIDTH: usize = 400;
@@ -194,7 +195,7 @@ fn the_program_finds_the_zone_writes_it_down_and_has_it_again_without_a_search()
     {
         assert!(line.contains(said), "'{said}' is not said: {line}");
     }
-    assert!(!ran.stderr.contains("borders on"), "{ran}");
+    assert_eq!(desk.remarks("out", Code::BorderBare), [], "{ran}");
     assert!(desk.path("out/figures/mesh.png").is_file() && desk.path("out/zone.png").is_file());
     // Measured is the specimen: no node in the hole or on the dark ground, and those that are move as they should.
     let rows = desk.rows("out/csv/000001.csv");

@@ -175,7 +175,7 @@ codes! {
             "Enlarge the elements, or average several images of the reference.";
         LightUnsettled "light-unsettled" Warning
             "Changes of brightness and contrast did not settle."
-            "They vary over a zone and did not settle with the displacement. Standard uncertainties do not include that."
+            "They vary over a zone and did not come to rest. Standard uncertainties do not include that."
             "Light the specimen more evenly, or leave out the place where it changes.";
         TextureRepeats "texture-repeats" Warning
             "The texture repeats."
@@ -446,6 +446,8 @@ impl Code {
 /// How the page on remarks begins.
 const HEAD: &str = r#"# Remarks
 
+<!-- Made by `quadrille schema --remarks > docs/remarks.md`; a test compares. -->
+
 What a run has to say about its results. Every remark has a code, which stays when its words change.
 Files hold remarks under the key `remarks`: `summary.json` (of the run and of each frame or instant), `fit.json` and
 `tournament.json`.
@@ -454,7 +456,7 @@ Files hold remarks under the key `remarks`: `summary.json` (of the run and of ea
 {"code": "nodes-in-noise", "severity": "warning", "about": {"frames": [2, 4]}, "values": {"nodes": 7}, "text": "..."}
 ```
 
-- `severity`: `note` (worth knowing), `warning` (a result may be wrong or worse than it looks), `error` (a result is missing).
+- `severity`: `note` (worth knowing), `warning` (a result may be wrong or less exact than it looks), `error`.
 - `about`: what it is about: `"run"`, `{"frames": [2, 4]}`, `{"zone": "left"}`, `{"parameter": "E"}` and so on.
 - `values`: the numbers of the text by name, which ends in the unit. Absent if there are none.
 - `text`: the sentence for people. It may change between versions.
