@@ -74,7 +74,12 @@ const HOMES: [Home; 29] = [
         named_by: |s, at| s.names_crate(at, "schemars"),
         places: &["io/case", "field/", "imaging/"],
     },
-    Home { what: "the crate clap", named_by: |s, at| s.names_crate(at, "clap"), places: &["cli/"] },
+    // The flags of a section stand with its keys.
+    Home {
+        what: "the crate clap",
+        named_by: |s, at| s.names_crate(at, "clap"),
+        places: &["cli/", "io/case", "run/request.rs"],
+    },
     Home { what: "the crate clap_complete", named_by: |s, at| s.names_crate(at, "clap_complete"), places: &["cli/"] },
     Home { what: "the crate clap_mangen", named_by: |s, at| s.names_crate(at, "clap_mangen"), places: &["cli/"] },
     Home {

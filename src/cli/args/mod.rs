@@ -3,6 +3,7 @@
 mod fields;
 mod groups;
 mod joint;
+mod keys;
 mod machine;
 mod reference;
 mod schema;
@@ -15,6 +16,7 @@ mod words;
 pub use fields::*;
 pub use groups::{grouped, short_help};
 pub use joint::*;
+pub use keys::name_flags;
 pub use machine::*;
 pub use reference::command_reference;
 pub use schema::*;
@@ -36,7 +38,7 @@ pub struct Cli {
     #[command(subcommand)]
     pub command: Command,
     /// Whether statuses are coloured: on a terminal (auto; not where NO_COLOR is set), always, or never.
-    #[arg(long, global = true, value_name = "auto|always|never", default_value = "auto")]
+    #[arg(long, global = true, value_name = "auto|always|never", default_value = "auto", hide_short_help = true)]
     pub color: ColorChoice,
 }
 
