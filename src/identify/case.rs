@@ -6,7 +6,7 @@ use super::load_cell::LoadCell;
 use super::noise::{Noise, Precision, even_texture};
 use super::objective::Problem;
 use super::observation::{Observation, ObservedInstant, largest_without_rigid_motion, without};
-use super::options::{Discretisation, FitOptions, Intervals};
+use super::options::FitOptions;
 use super::plausibility::{Implausible, implausible_joint};
 use super::starts::latin_hypercube;
 use super::tournament::check_laws;
@@ -14,11 +14,10 @@ use super::trust_region::TrustRegionOptions;
 use super::uncertainties;
 use super::unknowns::{Unknown, Unknowns};
 use super::watch::FitWatch;
-use super::weights::WeightKind;
 use crate::correlate::NOISE_CONTRADICTED;
 use crate::io::case::{
-    CaseBootstrap, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseIntervals, CaseMeasurement, CaseNodes,
-    CasePathControl, CaseWeights,
+    BoundaryNoise, CaseBootstrap, CaseFit, CaseMeasurement, CaseNodes, CasePathControl, Discretisation, Intervals,
+    WeightKind,
 };
 use crate::io::joint::{JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunMatrix};
 use crate::io::run_case::RunCase;
@@ -43,8 +42,8 @@ pub struct Case<'a> {
     pub laws: Vec<String>,
     /// What is compared, for people.
     pub about: String,
-    /// What is known of the boundary: `measured`, `estimated` or `exact`.
-    pub boundary: &'static str,
+    /// What is known of the boundary.
+    pub boundary: BoundaryNoise,
     /// What is possible, but hardly meant.
     pub doubts: Vec<String>,
     /// Values of the case that hardly anything has.
@@ -135,7 +134,7 @@ impl<'a> Case<'a> {
             doubts.push("[fit] shared is not used: it is for several tests ([[test]])".to_owned());
         }
         let unknowns = unknowns(&*joint.law, table)?;
-        if joint.law.has_own_minima() && table.intervals == Some(CaseIntervals::Linear) {
+        if joint.law.has_own_minima() && table.intervals == Some(Intervals::Linear) {
             doubts.push(own_minima(joint.law.name()));
         }
         let cell = match (&case.force, &input.force) {
@@ -145,43 +144,40 @@ impl<'a> Case<'a> {
         let in_fit = cell.clone().filter(|_| used);
         let of_run = matches!(measured, Some(MeasurementInput::Run(_)));
         let weights = match measurement.weights {
-            Some(CaseWeights::Paper | CaseWeights::Uniform) if used => {
+            Some(WeightKind::Paper | WeightKind::Uniform) if used => {
                 let what = "weights: with [force] displacements and forces are weighed by their noise; give weights = \"covariance\", or \
                             [force] use = false";
                 return Err(wrong("measurement", "weights", what));
             }
             None if of_run || used => WeightKind::Covariance,
-            None | Some(CaseWeights::Paper) => WeightKind::Paper,
-            Some(CaseWeights::Uniform) => WeightKind::Uniform,
-            Some(CaseWeights::Covariance) => WeightKind::Covariance,
+            asked => asked.unwrap_or(WeightKind::Paper),
         };
-        let boundary = match measurement.boundary.unwrap_or_default() {
-            _ if measured.is_none() && measurement.boundary.is_some_and(|noise| noise != CaseBoundaryNoise::Exact) => {
+        let boundary = match measurement.boundary {
+            Some(BoundaryNoise::Measured | BoundaryNoise::Estimated) if measured.is_none() => {
                 let what =
                     "boundary: without measured displacements the border is taken as it is; give boundary = \"exact\"";
                 return Err(wrong("measurement", "boundary", what));
             }
-            _ if measured.is_none() => "exact",
-            CaseBoundaryNoise::Measured => "measured",
-            CaseBoundaryNoise::Estimated => "estimated",
-            CaseBoundaryNoise::Exact => "exact",
+            None if measured.is_none() => BoundaryNoise::Exact,
+            asked => asked.unwrap_or_default(),
         };
+        let estimate_boundary = boundary == BoundaryNoise::Estimated;
+        let noisy = boundary != BoundaryNoise::Exact;
         if input.case.path.control == Some(CasePathControl::ArcLength) {
             let what = "control = \"arc-length\" is for quadrille simulate: a fit compares instants of the test";
             return Err(wrong("path", "control", what));
         }
-        if !input.drives.is_empty() && boundary != "exact" {
+        if !input.drives.is_empty() && noisy {
             let what = "boundary = \"exact\" is needed with [[support]] and [[applied_load]], which are given and not measured";
             return Err(wrong("measurement", "boundary", what));
         }
-        if boundary == "estimated" && weights != WeightKind::Covariance {
+        if estimate_boundary && weights != WeightKind::Covariance {
             let what = "boundary = \"estimated\" needs weights = \"covariance\"";
             return Err(wrong("measurement", "boundary", what));
         }
         if let Some(MeasurementInput::Run(run)) = measured {
             doubts.extend(run.warnings.iter().map(|warning| format!("the correlation warned: {warning}")));
         }
-        let noisy = boundary != "exact";
         let (mut observation, mut noise) = match measured {
             Some(measured) => {
                 let observation = observation(joint, input, measurement, measured, noisy, &mut doubts)?;
@@ -200,7 +196,7 @@ impl<'a> Case<'a> {
         }
         let options = FitOptions {
             weights,
-            estimate_boundary: boundary == "estimated",
+            estimate_boundary,
             starts: starts(&unknowns, table)?,
             region: TrustRegionOptions {
                 max_evaluations: table.max_evaluations.unwrap_or(TrustRegionOptions::default().max_evaluations),
@@ -211,17 +207,11 @@ impl<'a> Case<'a> {
             release: true,
             other_minima: true,
             rotations: uncertainties::rotations(table),
-            discretisation: match table.discretisation {
-                None if of_run => Discretisation::Included,
-                None | Some(CaseDiscretisation::Stated) => Discretisation::Stated,
-                Some(CaseDiscretisation::Included) => Discretisation::Included,
-                Some(CaseDiscretisation::Off) => Discretisation::Off,
-            },
-            intervals: match table.intervals.unwrap_or_default() {
-                CaseIntervals::Auto => Intervals::Auto,
-                CaseIntervals::Linear => Intervals::Linear,
-                CaseIntervals::Profile => Intervals::Profile,
-            },
+            discretisation: table.discretisation.unwrap_or(match of_run {
+                true => Discretisation::Included,
+                false => Discretisation::Stated,
+            }),
+            intervals: table.intervals.unwrap_or_default(),
             bootstrap: match table.bootstrap.unwrap_or_default() {
                 CaseBootstrap::Auto => None,
                 CaseBootstrap::Draws(draws @ 0..=10_000) => Some(draws as usize),

@@ -27,12 +27,10 @@ pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages, Pol
 pub use force::{CaseAxis, CaseDirection, CaseForce};
 pub use guard::CaseGuard;
 pub use joint::{
-    CaseBootstrap, CaseBoundary, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseInterface, CaseIntervals,
-    CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodeGroup, CaseNodes, CaseRigidMotion, CaseTest, CaseWeights,
+    BoundaryNoise, CaseBootstrap, CaseBoundary, CaseFit, CaseInterface, CaseJointMesh, CaseJointOutput,
+    CaseMeasurement, CaseNodeGroup, CaseNodes, CaseRigidMotion, CaseTest, Discretisation, Intervals, WeightKind,
 };
-pub use law::{
-    CaseCohesive, CaseExact, CaseKinematics, CaseMaterial, CasePlane, CaseQuadrature, CaseSubstrate, EXACT, STD,
-};
+pub use law::{CaseCohesive, CaseExact, CaseMaterial, CaseSubstrate, EXACT, Kinematics, PlaneState, Quadrature, STD};
 pub use quantities::{
     CaseCrack, CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
     CrackFlags,

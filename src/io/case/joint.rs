@@ -154,10 +154,10 @@ pub struct CaseMeasurement {
     #[schemars(with = "Option<NodesKey>")]
     pub nodes: Option<CaseNodes>,
     /// Weights of the residual; without it `covariance` for a store and `paper` for a table.
-    pub weights: Option<CaseWeights>,
+    pub weights: Option<WeightKind>,
     /// What is known of the prescribed displacements.
     #[schemars(extend("default" = "measured"))]
-    pub boundary: Option<CaseBoundaryNoise>,
+    pub boundary: Option<BoundaryNoise>,
     /// Standard deviation of each nodal displacement of one frame, mm. Without it that of the store; of a table it is
     /// estimated from the residual.
     pub noise_mm: Option<f64>,
@@ -240,7 +240,7 @@ impl<'de> Deserialize<'de> for CaseNodes {
 /// Weights of the residual of a fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum CaseWeights {
+pub enum WeightKind {
     /// Of each instant and component, by the largest displacement without rigid motion.
     Paper,
     /// One for all.
@@ -249,10 +249,21 @@ pub enum CaseWeights {
     Covariance,
 }
 
+impl WeightKind {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Uniform => "uniform",
+            Self::Covariance => "covariance",
+        }
+    }
+}
+
 /// What is known of the prescribed displacements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum CaseBoundaryNoise {
+pub enum BoundaryNoise {
     /// Noisy, and prescribed as they are.
     #[default]
     Measured,
@@ -260,6 +271,16 @@ pub enum CaseBoundaryNoise {
     Estimated,
     /// Without noise.
     Exact,
+}
+
+impl fmt::Display for BoundaryNoise {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Measured => "measured",
+            Self::Estimated => "estimated",
+            Self::Exact => "exact",
+        })
+    }
 }
 
 /// One of several tests that are fitted together.
@@ -312,10 +333,10 @@ pub struct CaseFit {
     #[serde(default, skip_serializing_if = "is_default")]
     pub laws: Vec<String>,
     /// The effect of the element size on the 95 % intervals; without it `included` for a store and `stated` for a table.
-    pub discretisation: Option<CaseDiscretisation>,
+    pub discretisation: Option<Discretisation>,
     /// What the 95 % intervals are made of.
     #[schemars(extend("default" = "auto"))]
-    pub intervals: Option<CaseIntervals>,
+    pub intervals: Option<Intervals>,
     /// Draws of the bootstrap that goes with intervals of the profile likelihood: a number up to 10000, 0 for none, or
     /// `"auto"`.
     #[schemars(with = "Option<BootstrapKey>", extend("default" = "auto"))]
@@ -343,7 +364,7 @@ pub struct CaseFit {
 /// The effect of the element size on the 95 % intervals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum CaseDiscretisation {
+pub enum Discretisation {
     /// In the intervals.
     Included,
     /// Beside them.
@@ -352,10 +373,21 @@ pub enum CaseDiscretisation {
     Off,
 }
 
+impl Discretisation {
+    /// Its name in case files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Included => "included",
+            Self::Stated => "stated",
+            Self::Off => "off",
+        }
+    }
+}
+
 /// What the 95 % intervals are made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum CaseIntervals {
+pub enum Intervals {
     /// The profile likelihood where linear theory is in doubt.
     #[default]
     Auto,
