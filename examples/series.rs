@@ -5,7 +5,7 @@
 //!     cargo run --release --example series -- images results    # yours: the first is the reference
 
 use quadrille::io::{case::CaseFile, images::write_image, store::Store};
-use quadrille::run::{Event, Existing, Overlay, Plan, RunFolder, Session, Stop, run_series};
+use quadrille::run::{Event, Existing, Plan, Request, RunFolder, Session, Stop, run_series};
 use quadrille::synth::{RenderOptions, Series, Texture, Translation};
 use std::{error::Error, path::Path};
 
@@ -27,8 +27,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     if images.starts_with(&work) {
         make_images(&images)?;
     }
-    let asked = Overlay { deformed: vec![images.join("*").display().to_string()], ..Overlay::default() };
-    let plan = Plan::of(&asked, &CaseFile::default())?;
+    let mut case = CaseFile::default();
+    case.images.deformed = Some(vec![images.join("*").display().to_string()]);
+    let plan = Plan::of(&Request::default(), &case)?;
     let folder = RunFolder::writable(&results)?;
     let pool = rayon::ThreadPoolBuilder::new().build()?;
     for start in ["first", "second"] {

@@ -23,9 +23,10 @@
 //! # #[cfg(all(feature = "report", feature = "store"))]
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! use quadrille::{io::case::CaseFile, run::*};
+//! let mut case = CaseFile::default();
+//! case.images.deformed = Some(vec!["images/*.tif".into()]); // the first is the reference
 //! let pool = rayon::ThreadPoolBuilder::new().build()?;
-//! let asked = Overlay { deformed: vec!["images/*.tif".into()], ..Overlay::default() }; // the first is the reference
-//! let plan = Plan::of(&asked, &CaseFile::default())?;
+//! let plan = Plan::of(&Request::default(), &case)?;
 //! let folder = RunFolder::writable("results".as_ref())?;
 //! run_series(&plan, &folder, &pool, Session::new(Existing::Continue), &mut |event| println!("{event:?}"))?;
 //!

@@ -11,7 +11,7 @@ use pyo3::types::PyDict;
 use quadrille::correlate::{Correlation, CorrelationError, History, Start};
 use quadrille::field::StrainField;
 use quadrille::imaging::Image;
-use quadrille::run::{InMemory, Overlay};
+use quadrille::run::{InMemory, Request};
 use rayon::ThreadPool;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -60,7 +60,7 @@ impl Correlator {
         let mask = mask.map(mask_of).transpose()?;
         let case = case_of(case, Path::new(OPTIONS))?;
         let Ok(device) = device.parse();
-        let asked = Overlay { device, isa, ..Overlay::default() };
+        let asked = Request { device, isa, ..Request::default() };
         let pool = pool(threads)?;
         let size = [reference.width(), reference.height()];
         let prepared = py.detach(|| pool.install(|| InMemory::new(&asked, &case, reference, mask))).map_err(raised)?;

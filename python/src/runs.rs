@@ -6,12 +6,12 @@ use crate::json::{case_of, record};
 use crate::pool::pool;
 use crate::watched::watched;
 use pyo3::prelude::*;
-use quadrille::io::case::read_case;
+use quadrille::io::case::{CaseImages, read_case};
 use quadrille::io::joint::{CaseFit, IdentifyInput, read_identify, read_joint};
 use quadrille::mesh::Roi;
 use quadrille::metrology::{Options, Still, measure};
 use quadrille::run::{
-    CaseRun, Event, Existing, Export, Outcome, Overlay, Plan, RunError, RunFolder, Session, Shard, Stop,
+    CaseRun, Event, Existing, Export, Outcome, Plan, Request, RunError, RunFolder, Session, Shard, Stop,
 };
 use rayon::ThreadPool;
 use serde::Serialize;
@@ -73,13 +73,13 @@ pub fn run_series<'py>(
         (path, json) => case_of(json.unwrap_or("{}"), &path.unwrap_or_else(|| "options".into()))?,
     };
     let shard = shard.map(str::parse::<Shard>).transpose().map_err(|error| raise("OptionError", error.to_string()))?;
-    let known = |word: &String| {
-        let unknown = || raise("OptionError", format!("export is `{word}`; give csv, vtu or none"));
-        Export::named(word).ok_or_else(unknown)
-    };
+    let known = |word: &String| word.parse::<Export>().map_err(|error| raise("OptionError", error));
     let export = export.map(|words| words.iter().map(known).collect::<PyResult<Vec<_>>>()).transpose()?;
     let Ok(device) = device.parse();
-    let asked = Overlay { reference, deformed, shard, export, no_report: !report, device, isa, ..Overlay::default() };
+    let given = |names: Vec<String>| (!names.is_empty()).then_some(names);
+    let (reference, deformed) = (given(reference), given(deformed));
+    let images = CaseImages { reference, deformed, ..CaseImages::default() };
+    let asked = Request { images, shard, export, no_report: !report, device, isa, ..Request::default() };
     let existing = if overwrite { Existing::Replace } else { Existing::Continue };
     ran(py, threads, on_event.as_ref(), |pool, stop, watcher| {
         let plan = Plan::of(&asked, &case)?;

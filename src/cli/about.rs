@@ -1,6 +1,6 @@
 //! `quadrille about`: what the program tells of itself.
 
-use super::args::{About, AboutArgs, Cli, command_reference, grouped};
+use super::args::{About, AboutArgs, Cli, command_reference, grouped, name_flags};
 use super::{Outcome, Result, devices, plural};
 use crate::io::case::{case_reference, case_schema};
 use crate::mechanics::case_laws;
@@ -17,11 +17,16 @@ const THIRD_PARTY: &str = include_str!("third_party.txt");
 
 /// Runs the command.
 pub(super) fn run(args: &AboutArgs) -> Result<Outcome> {
+    let schema = || {
+        let mut schema = case_schema(&case_laws());
+        name_flags(&mut schema, &Cli::command());
+        schema
+    };
     let text = match &args.what {
         About::Devices(args) => return devices::run(args),
         About::Manual { output } => return manual(output),
-        About::Schema => format!("{:#}\n", case_schema(&case_laws())).into_bytes(),
-        About::Case => case_reference(&case_laws()).into_bytes(),
+        About::Schema => format!("{:#}\n", schema()).into_bytes(),
+        About::Case => case_reference(&schema()).into_bytes(),
         About::Commands => command_reference().into_bytes(),
         About::Remarks => remark_reference().into_bytes(),
         About::Licences => THIRD_PARTY.as_bytes().to_vec(),

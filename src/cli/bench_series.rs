@@ -8,10 +8,10 @@ use crate::bench::Spread;
 use crate::clock::{Elapsed, Stopwatch};
 use crate::correlate::{History, Overlap, prepare};
 use crate::field::Status;
-use crate::io::case::CaseFile;
+use crate::io::case::{CaseFile, CaseZone};
 use crate::io::images::{read_image, write_image};
 use crate::mesh::{Roi, Zone};
-use crate::run::{Existing, Export, Overlay, Plan, Ran, RunFolder, Session, run_series};
+use crate::run::{Existing, Export, Plan, Ran, Request, RunFolder, Session, run_series};
 use crate::synth::{Accuracy, RenderOptions, Series, Texture};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -241,16 +241,17 @@ impl Bench<'_> {
     /// What `quadrille correlate` does with these files.
     fn plan(&self, files: &[PathBuf]) -> Result<Plan> {
         let Roi { x0, y0, x1, y1 } = self.roi();
-        let asked = Overlay {
-            deformed: files.iter().map(|file| file.display().to_string()).collect(),
-            roi: vec![[x0, y0, x1, y1]],
-            element_size: Some(self.args.element_size as i64),
+        let mut case = CaseFile::default();
+        case.images.deformed = Some(files.iter().map(|file| file.display().to_string()).collect());
+        case.zones = vec![CaseZone { roi: Some([x0, y0, x1, y1]), ..CaseZone::default() }];
+        case.correlation.element_size_px = Some(u32::try_from(self.args.element_size).unwrap_or(u32::MAX));
+        let asked = Request {
             export: Some(vec![Export::None]),
             device: if self.is_instant() { DeviceChoice::Cpu } else { self.args.device.parse()? },
             gpu: GpuOptions { instant: self.is_instant(), ..devices::options(false) },
-            ..Overlay::default()
+            ..Request::default()
         };
-        Ok(Plan::of(&asked, &CaseFile::default())?)
+        Ok(Plan::of(&asked, &case)?)
     }
 
     /// Correlates all frames on all threads, each in memory when its turn comes.

@@ -6,12 +6,12 @@ use super::progress::Progress;
 use super::talk::Talk;
 use super::{Outcome, Result, devices, signals};
 use crate::io::case::read_case;
-use crate::run::{Existing, Overlay, Plan, RunError, RunFolder, Session, run_series, shell_word};
+use crate::run::{Existing, Plan, Request, RunError, RunFolder, Session, run_series, shell_word};
 
 /// Runs the command.
 pub(super) fn run(args: &CorrelateArgs, paint: Paint) -> Result<Outcome> {
     let case = args.case.as_deref().map(read_case).transpose()?.unwrap_or_default();
-    let plan = Plan::of(&overlay(args), &case).map_err(with_command)?;
+    let plan = Plan::of(&request(args), &case).map_err(with_command)?;
     let mut progress = Progress::new(talk(args), paint);
     let (folder, pool) = (RunFolder::writable(&args.output)?, args.threads.pool()?);
     let ran = run_series(&plan, &folder, &pool, session(args)?, &mut |event| progress.take(event))?;
@@ -46,7 +46,7 @@ pub(super) fn draw(args: &CorrelateArgs, complete: bool) -> Result<()> {
 /// How the arguments want a plan to be carried out.
 pub(super) fn session(args: &CorrelateArgs) -> Result<Session> {
     let existing = if args.overwrite { Existing::Replace } else { Existing::Continue };
-    Ok(Session { shard: args.shard, stop: signals::listen()?, ..Session::new(existing) })
+    Ok(Session { shard: args.request.shard, stop: signals::listen()?, ..Session::new(existing) })
 }
 
 /// How much the arguments want to be said.
@@ -59,46 +59,7 @@ pub(super) fn talk(args: &CorrelateArgs) -> Talk {
     }
 }
 
-/// What the arguments say beside the case file.
-pub(super) fn overlay(args: &CorrelateArgs) -> Overlay {
-    Overlay {
-        reference: args.reference.clone(),
-        deformed: args.deformed.clone(),
-        page: args.page,
-        pages: args.pages,
-        pixel_size: args.pixel_size,
-        max_image_mpx: args.max_image_mpx,
-        shard: args.shard,
-        roi: args.roi.clone(),
-        polygon: args.polygon.iter().map(|polygon| polygon.0.clone()).collect(),
-        mask: args.mask.clone(),
-        mesh: args.mesh.clone(),
-        guard: args.guard,
-        crack: args.crack.clone(),
-        crack_guard: args.crack_guard,
-        crack_young: args.crack_young,
-        crack_poisson: args.crack_poisson,
-        crack_radius: args.crack_radius,
-        element_share: args.element_share,
-        element_size: args.element_size,
-        elements: args.elements,
-        interpolation: args.interpolation,
-        tolerance: args.tolerance,
-        max_iterations: args.max_iterations,
-        brightness: args.brightness,
-        start: args.start,
-        update_reference: args.update_reference,
-        noise: args.noise,
-        noise_correlation: args.noise_correlation,
-        regularisation: args.regularisation,
-        cutoff: args.cutoff,
-        drop_textureless: args.drop_textureless,
-        export: args.export.as_ref().map(|tables| tables.iter().map(|&table| table.into()).collect()),
-        strain: args.strain,
-        strain_window: args.strain_window,
-        no_report: args.no_report,
-        device: args.device.clone(),
-        gpu: devices::options(args.trust_device),
-        isa: args.isa.clone(),
-    }
+/// What the arguments say over the case file.
+pub(super) fn request(args: &CorrelateArgs) -> Request {
+    Request { gpu: devices::options(args.trust_device), ..args.request.clone() }
 }

@@ -16,7 +16,7 @@ use crate::paper::{
 };
 use crate::report::joint::{JointMap, JointProfiles, JointReport};
 use crate::report::{Axis, Backdrop, MeshOptions, Picture, Plot, PlotSeries, Style, deformed_mesh};
-use crate::run::{Existing, FIGURES, Overlay, Plan, RunFolder, Session, run_series};
+use crate::run::{Existing, FIGURES, Plan, Request, RunFolder, Session, run_series};
 use crate::virtual_test::{VirtualOptions, VirtualTest};
 use std::io::Write as _;
 use std::time::Instant;
@@ -373,7 +373,7 @@ fn image_figures(out: &Output, test: &VirtualTest, args: &PaperArgs) -> Result<(
     let root = &args.results.output;
     let case = read_run_case(&root.join("virtual").join("case.toml"))?;
     let correlation = root.join("correlation");
-    let plan = Plan::of(&Overlay { gpu: devices::options(false), ..Overlay::default() }, &case.correlation)?;
+    let plan = Plan::of(&Request { gpu: devices::options(false), ..Request::default() }, &case.correlation)?;
     let session = Session::new(Existing::Replace);
     run_series(&plan, &RunFolder::open(&correlation, true)?, &args.threads.pool()?, session, &mut |_| ())?;
     let store = Store::open(&correlation)?;

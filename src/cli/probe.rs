@@ -5,7 +5,7 @@ use super::paint::Paint;
 use super::{Outcome, Result, plural};
 use crate::field::Curve;
 use crate::io::case::{
-    CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, parse_case, read_case,
+    CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, over, parse_case, read_case,
 };
 use crate::io::store::Store;
 use crate::report::Plot;
@@ -103,7 +103,7 @@ fn asked(args: &ProbeArgs, store: &Store) -> Result<CaseQuantities> {
         && args.line.is_empty()
         && args.extensometer.is_empty()
         && args.opening.is_empty()
-        && args.remove_rigid.is_none());
+        && args.options.remove_rigid.is_none());
     let mut asked = match &args.case {
         Some(case) => read_case(case)?.drawn(),
         None if by_flags => CaseQuantities { load: of_run()?.load, ..CaseQuantities::default() },
@@ -135,23 +135,20 @@ fn asked(args: &ProbeArgs, store: &Store) -> Result<CaseQuantities> {
     if !args.opening.is_empty() {
         asked.openings = args.opening.iter().map(|zones| CaseOpening { name: None, zones: zones.clone() }).collect();
     }
-    asked.options.remove_rigid = args.remove_rigid.or(asked.options.remove_rigid);
+    asked.options = over(&args.options, &asked.options)?;
     if let Some(load) = &args.load {
         // Another file has times and areas of its own.
         asked.load = Some(CaseLoad { file: load.display().to_string(), ..CaseLoad::default() });
     }
-    let given = |asked: &mut CaseLoad| {
-        asked.time = args.load_time.clone().or(asked.time.take());
-        if args.frame_interval.is_some() || args.frame_times.is_some() {
-            asked.frame_interval_s = args.frame_interval;
-            asked.frame_times = args.frame_times.as_ref().map(|file| file.display().to_string());
-        }
-        asked.start_s = args.load_start.or(asked.start_s);
-        asked.area_mm2 = args.area.or(asked.area_mm2);
-    };
+    let flags = &args.load_options;
     match &mut asked.load {
-        Some(load) => given(load),
-        None if args.load_time.is_some() || args.area.is_some() => {
+        Some(load) => {
+            if flags.frame_interval_s.is_some() || flags.frame_times.is_some() {
+                (load.frame_interval_s, load.frame_times) = (None, None);
+            }
+            *load = over(flags, load)?;
+        }
+        None if flags.time.is_some() || flags.area_mm2.is_some() => {
             return Err("--load-time and --area are about a load file; give --load FILE as well".into());
         }
         None => {}

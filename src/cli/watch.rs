@@ -1,7 +1,7 @@
 //! `quadrille watch`: correlates images as a camera writes them.
 
 use super::args::WatchArgs;
-use super::correlate::{draw, overlay, session, talk};
+use super::correlate::{draw, request, session, talk};
 use super::paint::Paint;
 use super::progress::Progress;
 use super::{Outcome, Result};
@@ -16,7 +16,7 @@ pub(super) fn run(args: &WatchArgs, paint: Paint) -> Result<Outcome> {
     let mut progress = Progress::new(talk(args), paint);
     let pool = args.threads.pool()?;
     let mut watcher = |event: Event<'_>| progress.take(event);
-    let ran = watch(&overlay(args), &case, &watching, &args.output, &pool, session(args)?, &mut watcher)?;
+    let ran = watch(&request(args), &case, &watching, &args.output, &pool, session(args)?, &mut watcher)?;
     let Some(ran) = ran else { return Ok(Outcome::Stopped) };
     draw(args, ran.complete)?;
     Ok(ran.outcome)

@@ -4,11 +4,11 @@ use super::error::{Result, RunError};
 use super::event::{Event, Watcher};
 use super::folder::{CORRELATION, RIGID_MOTION, RunFolder, correlation_in};
 use super::identification::{FIT, identify};
-use super::overlay::Overlay;
 use super::page::page;
 use super::plan::Plan;
 use super::rehearsal::rehearse;
 use super::remarks::{report_missing, zones_matched};
+use super::request::Request;
 use super::series::run_series;
 use super::session::{Existing, Outcome, Session};
 use super::simulation::simulate;
@@ -88,7 +88,7 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
     // Not after hours of correlation.
     Case::check(&case)?;
     case.notes.iter().for_each(|note| watcher(Event::Remark(&zones_matched(note))));
-    let asked = Overlay { device: device.clone(), gpu: gpu.clone(), ..Overlay::default() };
+    let asked = Request { device: device.clone(), gpu: gpu.clone(), ..Request::default() };
     let mut plan = Plan::of(&asked, &case.correlation)?;
     // That of the whole run says the same and more.
     plan.report = false;

@@ -1,9 +1,9 @@
 //! A reference that is in memory, prepared as a run prepares that of files: for programs that have the images themselves.
 
 use super::error::Result;
-use super::overlay::Overlay;
 use super::plan::{Images, Plan};
 use super::remarks::of_device;
+use super::request::Request;
 use super::zones::{Zones, cut};
 use crate::correlate::{Correlate, prepare};
 use crate::field::{Measurement, StrainDefinition, StrainField, StrainWindows, UpdateReference};
@@ -31,18 +31,19 @@ pub struct InMemory {
 }
 
 impl InMemory {
-    /// Prepares `reference` with the zones, cracks and options of `case` and of what overlays it; images that they name are not
+    /// Prepares `reference` with the zones, cracks and options of `case` and of what is asked for over it; images that they name are not
     /// looked at. Where no zone is named, nor a mask given, the specimen is looked for as `quadrille correlate` does. A `mask` holds
     /// for every zone.
     ///
     /// ```
     /// use quadrille::synth::{RenderOptions, Texture, Translation, render};
-    /// use quadrille::{correlate::Tracker, io::case::CaseFile, run::InMemory, run::Overlay};
+    /// use quadrille::{correlate::Tracker, io::case::CaseFile, run::InMemory, run::Request};
     /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
     /// # let texture = Texture::new(7, 4.5)?;
     /// # let photograph = |u| render(&texture, &Translation(u), &RenderOptions::new(128, 96)).map(std::sync::Arc::new);
     /// let (reference, deformed) = (photograph([0.0, 0.0])?, photograph([0.3, -0.2])?);
-    /// let asked = Overlay { roi: vec![[16.0, 16.0, 112.0, 80.0]], device: "cpu".parse()?, ..Overlay::default() };
+    /// let mut asked = Request { device: "cpu".parse()?, ..Request::default() };
+    /// asked.zones.roi = vec![[16.0, 16.0, 112.0, 80.0]];
     /// let prepared = InMemory::new(&asked, &CaseFile::default(), reference, None)?;
     /// let field = Tracker::new(&*prepared.correlator).correlate(1, deformed)?.measurement;
     /// assert!((field.displacement[0][0] - 0.3).abs() < 0.02); // px
@@ -53,7 +54,7 @@ impl InMemory {
     /// # Errors
     /// Options, zones, cracks or texture that do not allow a measurement; a device that is not there; a crack or a change of
     /// reference that only a series finds.
-    pub fn new(asked: &Overlay, case: &CaseFile, reference: Arc<Image>, mask: Option<Mask>) -> Result<Self> {
+    pub fn new(asked: &Request, case: &CaseFile, reference: Arc<Image>, mask: Option<Mask>) -> Result<Self> {
         let size = [reference.width(), reference.height()];
         let named = Frame::file("the reference image".into(), 0);
         let images = Images { reference: vec![named], deformed: Vec::new(), grows: false, left_out: Vec::new() };

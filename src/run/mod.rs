@@ -1,6 +1,6 @@
 //! From images to results without a command line: what `quadrille correlate`, `watch`, `simulate`, `identify` and `run` do.
 //!
-//! [`Plan`] says what is to be done: a case, with an [`Overlay`] of what is given beside it. [`run_series`] does it, into a
+//! [`Plan`] says what is to be done: a case, with a [`Request`] over it. [`run_series`] does it, into a
 //! [`RunFolder`], tells whoever watches what happens ([`Event`]), stops when it is asked to ([`Stop`]), goes on where an earlier
 //! start was stopped, and returns what came of it ([`Ran`]). [`run_case`] goes on from there to the fit and its report. Nothing here
 //! prints or ends the process.
@@ -41,7 +41,6 @@ mod kept;
 mod lock;
 mod look;
 mod output;
-mod overlay;
 mod page;
 mod pipeline;
 mod plan;
@@ -53,6 +52,7 @@ mod rehearsal;
 mod relay;
 mod remarks;
 mod report;
+mod request;
 mod restart;
 mod run_toml;
 mod said;
@@ -83,8 +83,8 @@ pub use folder::{RunFolder, correlation_in};
 pub use identification::identify;
 pub use in_memory::InMemory;
 pub use look::{FitOfRun, Off, model_less_measured};
-pub use overlay::{Export, Overlay};
 pub use plan::{Images, Plan, strain_window};
+pub use request::{Export, Request};
 pub use series::run_series;
 pub use session::{Existing, Outcome, Ran, Session};
 pub use several::identify_several;

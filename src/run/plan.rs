@@ -1,17 +1,18 @@
 //! From a case and what overlays it to one resolved plan.
 
 use super::error::Result;
-use super::overlay::{Export, Overlay};
+use super::request::{Export, Request};
 use super::text::absolute;
 use super::wanted::{resolved_zones, wanted_cracks, wanted_zones};
 use super::which_reference;
 use crate::backend::choice::{Device, DeviceChoice};
 use crate::backend::gpu::GpuOptions;
 use crate::correlate::{Options, Regularisation};
-use crate::field::{
-    Elements, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, StrainWindow, UpdateReference,
+use crate::field::{Elements, RegularisationKind, StartFrom, StrainDefinition, StrainWindow, UpdateReference};
+use crate::io::case::{
+    CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseReport, CaseZone, Pages, ZoneFlags, complete,
+    over,
 };
-use crate::io::case::{CaseCorrelation, CaseFile, CaseImages, CaseQuantities, CaseReport, CaseZone, Pages};
 use crate::io::images::{Accepted, pages_of};
 use crate::io::series::{Frame, expand_references, expand_series};
 use crate::io::store::StoreHeader;
@@ -35,6 +36,8 @@ pub struct Plan {
     pub pixel_size: Option<PixelSize>,
     /// What an image may be to be read.
     pub accepted: Accepted,
+    /// The section `[correlation]` that this comes to, with its defaults.
+    pub correlation: CaseCorrelation,
     /// What is measured; where there is none, the specimen is looked for in the reference.
     pub zones: Vec<CaseZone>,
     /// Whether the zones were found so, now or in the run that this one repeats.
@@ -78,11 +81,11 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Brings a case and what overlays it together; the overlay wins, defaults fill the rest.
+    /// Lays what is asked for over a case; defaults fill the rest.
     ///
     /// # Errors
     /// No images, files that are not there, options that contradict each other.
-    pub fn of(asked: &Overlay, case: &CaseFile) -> Result<Self> {
+    pub fn of(asked: &Request, case: &CaseFile) -> Result<Self> {
         Self::with(asked, case, Images::of(asked, case)?)
     }
 
@@ -90,19 +93,19 @@ impl Plan {
     ///
     /// # Errors
     /// Options that contradict each other.
-    pub fn with(asked: &Overlay, case: &CaseFile, images: Images) -> Result<Self> {
+    pub fn with(asked: &Request, case: &CaseFile, images: Images) -> Result<Self> {
         let Images { reference, deformed, grows, left_out } = images;
-        let reference_named = !(asked.reference.is_empty() && case.images.reference.is_none());
-        let given = &case.correlation;
-        let options = options_of(asked, case, reference.len())?;
-        let pixel_size = match asked.pixel_size.or(case.images.pixel_size_mm) {
+        let wanted = over(&asked.images, &case.images)?;
+        let (given, regularisation) = correlation_of(asked, case)?;
+        let options = options_of(&given, regularisation, case, reference.len())?;
+        let pixel_size = match wanted.pixel_size_mm {
             Some(mm) => Some(PixelSize::new(mm).ok_or(format!("the pixel size is {mm} mm; give a positive number"))?),
             None => None,
         };
         if asked.shard.is_some() && options.start == StartFrom::Previous {
             return Err("--shard needs --start independent: the frames before are done by other processes".into());
         }
-        let update = asked.update_reference.or(given.update_reference).unwrap_or_default();
+        let update = given.update_reference.unwrap_or_default();
         may_be_updated(update, &options, asked.shard.is_some())?;
         options.check()?;
         // A rerun of a run.toml takes the instruction path of that run where it can: the same bits.
@@ -119,7 +122,7 @@ impl Plan {
         let export = match (&asked.export, recorded("export")) {
             (Some(export), _) => export.clone(),
             (None, Some(toml::Value::Array(names))) => {
-                names.iter().filter_map(|name| Export::named(name.as_str()?)).collect()
+                names.iter().filter_map(|name| name.as_str()?.parse().ok()).collect()
             }
             (None, _) if many => Vec::new(),
             (None, _) => vec![Export::Csv, Export::Vtu],
@@ -129,25 +132,29 @@ impl Plan {
             return Err("--export none stands alone; give csv, vtu, or both".into());
         }
         let was_so = |key: &str| recorded(key).is_some_and(|so| so.as_bool() == Some(true));
-        let zone_found = was_so("zone_found") && !names_zone(asked);
+        let zone_found = was_so("zone_found") && !names_zone(&asked.zones);
         let mut plan = Self {
             reference,
-            reference_named,
+            reference_named: wanted.reference.is_some(),
             deformed,
             pixel_size,
-            accepted: accepted(asked, case)?,
-            zones: wanted_zones(asked, case),
+            accepted: accepted(&wanted)?,
+            strain: given.strain.unwrap_or_default(),
+            strain_window: strain_window(given.strain_window)?,
+            correlation: given,
+            zones: wanted_zones(&asked.zones, case),
             zone_found,
-            crack_auto: asked.crack.is_empty() && was_so("crack_auto"),
-            guard_px: asked.guard,
+            crack_auto: asked.cracks.path.is_empty() && was_so("crack_auto"),
+            guard_px: match asked.zones.all.guard_px {
+                Some(CaseGuard::All(guard_px)) => Some(guard_px),
+                _ => None,
+            },
             options,
             update,
             isa,
             isa_asked: asked.isa.is_some(),
             device: asked.device.clone(),
             gpu: asked.gpu.clone(),
-            strain: asked.strain.or(given.strain).unwrap_or_default(),
-            strain_window: strain_window(asked.strain_window.or(given.strain_window))?,
             csv: export.contains(&Export::Csv),
             vtu: export.contains(&Export::Vtu),
             // Who wants nothing beside the store wants no report.
@@ -155,7 +162,7 @@ impl Plan {
             export_asked: asked.export.is_some(),
             store_only,
             setup: case.report.clone(),
-            drawn: CaseQuantities { cracks: wanted_cracks(asked, case, pixel_size)?, ..drawn(case) },
+            drawn: CaseQuantities { cracks: wanted_cracks(&asked.cracks, case, pixel_size)?, ..drawn(case) },
             left_out,
         };
         if zone_found {
@@ -213,7 +220,6 @@ impl Plan {
 
     /// The plan as a case file that gives the same result from anywhere on this machine.
     pub fn resolved(&self) -> CaseFile {
-        let options = &self.options;
         CaseFile {
             images: CaseImages {
                 reference: Some(files(&self.reference)),
@@ -223,29 +229,7 @@ impl Plan {
                 pixel_size_mm: self.pixel_size.map(PixelSize::mm_per_px),
                 max_image_mpx: (self.accepted != Accepted::default()).then_some(self.accepted.max_mpx),
             },
-            correlation: CaseCorrelation {
-                element_size_px: Some(options.element_size as u32),
-                elements: (options.elements != Elements::default()).then_some(options.elements),
-                element_share: Some(options.element_share),
-                interpolation: Some(options.interpolation),
-                tolerance_px: Some(options.tolerance_px),
-                max_iterations: Some(options.max_iterations as u32),
-                brightness: Some(options.brightness),
-                start: Some(options.start),
-                update_reference: Some(self.update),
-                noise: (options.noise != Noise::Residual).then_some(options.noise),
-                noise_correlation: (options.noise_correlation != NoiseCorrelation::Auto)
-                    .then_some(options.noise_correlation),
-                regularisation: Some(options.regularisation.kind()),
-                cutoff_px: options.regularisation.cutoff_px(),
-                poisson: match options.regularisation {
-                    Regularisation::EquilibriumGap { poisson, .. } => Some(poisson),
-                    _ => None,
-                },
-                strain: Some(self.strain),
-                strain_window: self.strain_window.map(u32::from),
-                drop_textureless: Some(options.drop_textureless),
-            },
+            correlation: self.correlation.clone(),
             report: self.setup.clone(),
             zones: resolved_zones(&self.zones),
             ..CaseFile::default()
@@ -255,8 +239,8 @@ impl Plan {
 }
 
 /// Whether a zone is named beside the case.
-fn names_zone(asked: &Overlay) -> bool {
-    !asked.roi.is_empty() || !asked.polygon.is_empty() || asked.mask.is_some() || asked.mesh.is_some()
+fn names_zone(ZoneFlags { roi, polygon, all }: &ZoneFlags) -> bool {
+    !roi.is_empty() || !polygon.is_empty() || all.mask.is_some() || all.mesh.is_some()
 }
 
 /// The files of frames, by names that hold from anywhere.
@@ -289,46 +273,63 @@ fn may_be_updated(update: UpdateReference, options: &Options, has_shard: bool) -
     Ok(())
 }
 
-/// The options of the correlation that overlay and case ask for together.
-fn options_of(asked: &Overlay, case: &CaseFile, n_references: usize) -> Result<Options> {
-    let given = &case.correlation;
+/// The section `[correlation]` that is asked for, with its defaults, and the regularisation that it comes to.
+fn correlation_of(asked: &Request, case: &CaseFile) -> Result<(CaseCorrelation, Regularisation)> {
+    let (flags, file) = (&asked.correlation, &case.correlation);
+    let mut given = over(flags, file)?;
+    // A kind given as a flag leaves aside what the case file says for another kind.
+    if flags.regularisation.is_some_and(|kind| file.regularisation != Some(kind)) {
+        given.poisson = flags.poisson;
+    }
+    if flags.regularisation == Some(RegularisationKind::None) {
+        given.cutoff_px = flags.cutoff_px;
+    }
+    if asked.shard.is_some() {
+        given.start.get_or_insert(StartFrom::Independent);
+    }
+    let regularisation = regularisation(&given)?;
+    let poisson = match regularisation {
+        Regularisation::EquilibriumGap { poisson, .. } => Some(poisson),
+        _ => None,
+    };
+    Ok((CaseCorrelation { poisson, ..complete(&given)? }, regularisation))
+}
+
+/// The options of the correlation that its section asks for.
+fn options_of(
+    given: &CaseCorrelation,
+    regularisation: Regularisation,
+    case: &CaseFile,
+    n_references: usize,
+) -> Result<Options> {
     let default = Options::default();
-    let element_size = asked.element_size.or(given.element_size_px.map(i64::from));
     Ok(Options {
         n_references,
-        // A negative size is refused with the same words as 0.
-        element_size: match element_size {
-            Some(size) => usize::try_from(size)
-                .map_err(|_| format!("the element size is {size} px; choose 4 to 128 px (16 is a good start)"))?,
-            None => default.element_size,
-        },
-        element_share: asked.element_share.or(given.element_share).unwrap_or(default.element_share),
-        interpolation: asked.interpolation.or(given.interpolation).unwrap_or(default.interpolation),
-        tolerance_px: asked.tolerance.or(given.tolerance_px).unwrap_or(default.tolerance_px),
-        max_iterations: asked.max_iterations.or(given.max_iterations).map_or(default.max_iterations, |n| n as usize),
-        brightness: asked.brightness.or(given.brightness).unwrap_or(default.brightness),
-        start: asked.start.or(given.start).unwrap_or(match asked.shard {
-            Some(_) => StartFrom::Independent,
-            None => default.start,
-        }),
-        noise: asked.noise.or(given.noise).unwrap_or_default(),
-        noise_correlation: asked.noise_correlation.or(given.noise_correlation).unwrap_or_default(),
-        drop_textureless: asked.drop_textureless || given.drop_textureless.unwrap_or(false),
+        element_size: given.element_size_px.map_or(default.element_size, |size| size as usize),
+        element_share: given.element_share.unwrap_or(default.element_share),
+        interpolation: given.interpolation.unwrap_or_default(),
+        tolerance_px: given.tolerance_px.unwrap_or(default.tolerance_px),
+        max_iterations: given.max_iterations.map_or(default.max_iterations, |n| n as usize),
+        brightness: given.brightness.unwrap_or_default(),
+        start: given.start.unwrap_or_default(),
+        noise: given.noise.unwrap_or_default(),
+        noise_correlation: given.noise_correlation.unwrap_or_default(),
+        drop_textureless: given.drop_textureless.unwrap_or(default.drop_textureless),
+        elements: given.elements.unwrap_or_default(),
         // The edges of an opening are the faces of a joint.
-        elements: asked.elements.or(given.elements).unwrap_or_default(),
         whole_borders: case.openings.iter().flat_map(|opening| opening.zones.clone()).collect(),
-        regularisation: regularisation(asked, given)?,
+        regularisation,
         ..default
     })
 }
 
-/// What images may be, as overlay and case ask for together.
+/// What images may be.
 ///
 /// # Errors
 /// A number of pixels that cannot be counted.
-pub(super) fn accepted(asked: &Overlay, case: &CaseFile) -> Result<Accepted> {
+pub(super) fn accepted(images: &CaseImages) -> Result<Accepted> {
     let most = Accepted::MOST_MPX;
-    match asked.max_image_mpx.or(case.images.max_image_mpx) {
+    match images.max_image_mpx {
         None => Ok(Accepted::default()),
         Some(max_mpx) if (1..=most).contains(&max_mpx) => Ok(Accepted { max_mpx, size: None }),
         Some(wrong) => Err(format!("the most pixels of an image are {wrong} million; give 1 to {most}").into()),
@@ -349,14 +350,11 @@ pub fn strain_window(nodes: Option<u32>) -> Result<Option<StrainWindow>> {
     }
 }
 
-/// The regularisation that flags and case file ask for together. A kind given as a flag leaves aside what the case
-/// file says for another kind.
-fn regularisation(asked: &Overlay, case: &CaseCorrelation) -> Result<Regularisation> {
-    let kind = asked.regularisation.or(case.regularisation).unwrap_or_default();
-    let same = asked.regularisation.is_none_or(|flag| Some(flag) == case.regularisation);
-    let of_none = asked.regularisation == Some(RegularisationKind::None);
-    let cutoff_px = asked.cutoff.or(case.cutoff_px.filter(|_| !of_none));
-    let poisson = case.poisson.filter(|_| same);
+/// The regularisation that is asked for.
+fn regularisation(
+    &CaseCorrelation { regularisation, cutoff_px, poisson, .. }: &CaseCorrelation,
+) -> Result<Regularisation> {
+    let kind = regularisation.unwrap_or_default();
     if kind != RegularisationKind::EquilibriumGap && poisson.is_some() {
         return Err("poisson is a matter of regularisation = \"equilibrium-gap\"; leave it out or choose that".into());
     }
@@ -407,25 +405,19 @@ pub struct Images {
 }
 
 /// The files of the reference that is named; none when none is.
-pub fn references(asked: &Overlay, case: &CaseFile) -> Result<Vec<PathBuf>> {
-    Ok(if asked.reference.is_empty() {
-        expand_references(case.images.reference.as_deref().unwrap_or(&[]), &case.base)?
-    } else {
-        expand_references(&asked.reference, Path::new(""))?
+pub fn references(asked: &Request, case: &CaseFile) -> Result<Vec<PathBuf>> {
+    Ok(match (&asked.images.reference, &case.images.reference) {
+        (Some(named), _) => expand_references(named, Path::new(""))?,
+        (None, named) => expand_references(named.as_deref().unwrap_or(&[]), &case.base)?,
     })
 }
 
-/// The page of each file that is one frame.
-pub fn page(asked: &Overlay, case: &CaseFile) -> Option<usize> {
-    asked.page.or(case.images.page).map(|page| page as usize)
-}
-
 impl Images {
-    fn of(asked: &Overlay, case: &CaseFile) -> Result<Self> {
-        let mut deformed = if asked.deformed.is_empty() {
-            expand_series(case.images.deformed.as_deref().unwrap_or(&[]), &case.base)?
-        } else {
-            expand_series(&asked.deformed, Path::new(""))?
+    fn of(asked: &Request, case: &CaseFile) -> Result<Self> {
+        let wanted = over(&asked.images, &case.images)?;
+        let mut deformed = match (&asked.images.deformed, &case.images.deformed) {
+            (Some(named), _) => expand_series(named, Path::new(""))?,
+            (None, named) => expand_series(named.as_deref().unwrap_or(&[]), &case.base)?,
         };
         let left_out = which_reference::without_texts(&mut deformed);
         let mut reference = references(asked, case)?;
@@ -440,8 +432,8 @@ impl Images {
                 deformed.remove(0);
             }
         }
-        let page = page(asked, case);
-        let all_pages = asked.pages.or(case.images.pages) == Some(Pages::All);
+        let page = wanted.page.map(|page| page as usize);
+        let all_pages = wanted.pages == Some(Pages::All);
         let first_page = page.unwrap_or(0);
         let mut frames = match deformed.as_slice() {
             files if all_pages => Frame::pages(files, pages_of),
@@ -455,7 +447,7 @@ impl Images {
         // A glob over the folder takes the reference along: it is no deformed image, unless it was named for one.
         let absolute = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         let taken: Vec<PathBuf> = reference.iter().map(|path| absolute(path)).collect();
-        let named_alone = frames.len() == 1 && !(asked.reference.is_empty() && case.images.reference.is_none());
+        let named_alone = frames.len() == 1 && wanted.reference.is_some();
         frames.retain(|frame| named_alone || frame.page != first_page || !taken.contains(&absolute(&frame.path)));
         let is_page = |path: &Path| frames.iter().any(|frame| frame.is_page && absolute(&frame.path) == absolute(path));
         let reference: Vec<Frame> =

@@ -1,39 +1,34 @@
 //! Zones and cracks that overlay and case file ask for together.
 
 use super::error::Result;
-use super::overlay::Overlay;
 use super::text::absolute;
-use crate::io::case::{CaseCrack, CaseFile, CaseGuard, CaseZone, CrackPath};
+use crate::io::case::{CaseCrack, CaseFile, CaseZone, CrackFlags, CrackPath, ZoneFlags, over};
 use crate::units::PixelSize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The cracks that are asked for, by flags or by the case.
-pub(super) fn wanted_cracks(asked: &Overlay, case: &CaseFile, pixel_size: Option<PixelSize>) -> Result<Vec<CaseCrack>> {
-    let mut cracks: Vec<CaseCrack> = match asked.crack.is_empty() {
+pub(super) fn wanted_cracks(
+    CrackFlags { path, all }: &CrackFlags,
+    case: &CaseFile,
+    pixel_size: Option<PixelSize>,
+) -> Result<Vec<CaseCrack>> {
+    let mut cracks: Vec<CaseCrack> = match path.is_empty() {
         true => case.cracks.clone(),
-        false => asked.crack.iter().map(|path| CaseCrack { path: path.clone(), ..CaseCrack::default() }).collect(),
+        false => path.iter().map(|path| CaseCrack { path: path.clone(), ..CaseCrack::default() }).collect(),
     };
-    let flags = [
-        ("--crack-guard", asked.crack_guard),
-        ("--crack-young", asked.crack_young),
-        ("--crack-poisson", asked.crack_poisson),
-        ("--crack-radius", asked.crack_radius),
-    ];
-    if let Some((flag, _)) = flags.iter().find(|(_, value)| value.is_some())
-        && cracks.is_empty()
-    {
-        return Err(
-            format!("{flag} is given but no crack; draw one with --crack 'x,y x,y ...', or leave it out").into()
-        );
+    let is_given = *all != CaseCrack::default();
+    if is_given && cracks.is_empty() {
+        return Err("an option of cracks, such as --crack-guard, is given but no crack; draw one with --crack 'x,y x,y ...', or \
+                    leave it out"
+            .into());
     }
     if cracks.iter().filter(|crack| crack.path == CrackPath::Auto).count() > 1 {
         return Err("--crack auto (path = \"auto\") is given twice; once finds them all".into());
     }
     for (at, crack) in cracks.iter_mut().enumerate() {
-        crack.guard_px = asked.crack_guard.or(crack.guard_px);
-        crack.young_mpa = asked.crack_young.or(crack.young_mpa);
-        crack.poisson = asked.crack_poisson.or(crack.poisson);
-        crack.radius_px = asked.crack_radius.or(crack.radius_px);
+        if is_given {
+            *crack = over(all, crack)?;
+        }
         let name = crack.name.clone().unwrap_or_else(|| format!("crack{}", at + 1));
         let wrong = |what: String| -> Result<Vec<CaseCrack>> { Err(format!("{name}: {what}").into()) };
         match (crack.young_mpa, crack.poisson, pixel_size) {
@@ -65,33 +60,29 @@ pub(super) fn wanted_cracks(asked: &Overlay, case: &CaseFile, pixel_size: Option
 }
 
 /// The zones that are asked for, with file names that hold from the current folder.
-pub(super) fn wanted_zones(asked: &Overlay, case: &CaseFile) -> Vec<CaseZone> {
-    let mut zones: Vec<CaseZone> = asked
-        .roi
-        .iter()
-        .map(|&roi| CaseZone { roi: Some(roi), ..CaseZone::default() })
-        .chain(asked.polygon.iter().map(|polygon| CaseZone { polygon: Some(polygon.clone()), ..CaseZone::default() }))
-        .collect();
-    let name = |path: &PathBuf| path.display().to_string();
-    if let Some(mask) = &asked.mask {
+pub(super) fn wanted_zones(ZoneFlags { roi, polygon, all }: &ZoneFlags, case: &CaseFile) -> Vec<CaseZone> {
+    let of_roi = roi.iter().map(|&roi| CaseZone { roi: Some(roi), ..CaseZone::default() });
+    let of_polygon = polygon.iter().map(|polygon| CaseZone { polygon: Some(polygon.clone()), ..CaseZone::default() });
+    let mut zones: Vec<CaseZone> = of_roi.chain(of_polygon).collect();
+    if all.mask.is_some() {
         if zones.is_empty() {
             zones.push(CaseZone::default());
         }
-        zones.iter_mut().for_each(|zone| zone.mask = Some(name(mask)));
+        zones.iter_mut().for_each(|zone| zone.mask.clone_from(&all.mask));
     }
-    if let Some(mesh) = &asked.mesh {
-        zones.push(CaseZone { mesh: Some(name(mesh)), ..CaseZone::default() });
+    if all.mesh.is_some() {
+        zones.push(CaseZone { mesh: all.mesh.clone(), ..CaseZone::default() });
     }
     if zones.is_empty() {
         zones.clone_from(&case.zones);
         for zone in &mut zones {
             for file in [&mut zone.mask, &mut zone.mesh].into_iter().flatten() {
-                *file = name(&case.resolve(file));
+                *file = case.resolve(file).display().to_string();
             }
         }
     }
-    if let Some(guard) = asked.guard {
-        zones.iter_mut().for_each(|zone| zone.guard_px = Some(CaseGuard::All(guard)));
+    if all.guard_px.is_some() {
+        zones.iter_mut().for_each(|zone| zone.guard_px.clone_from(&all.guard_px));
     }
     zones
 }

@@ -5,12 +5,12 @@ use super::error::Result;
 use super::event::{Event, Watcher};
 use super::folder::RunFolder;
 use super::lock::Lock;
-use super::overlay::Overlay;
 use super::plan::{self, Images, Plan};
+use super::request::Request;
 use super::series::carry_out;
 use super::session::{Existing, Ran, Session};
 use super::text::chain;
-use crate::io::case::CaseFile;
+use crate::io::case::{CaseFile, over};
 use crate::io::series::Frame;
 use crate::io::store::{STORE, Store};
 use crate::io::watch::WatchedFolder;
@@ -35,7 +35,7 @@ pub struct Watching {
 /// # Errors
 /// As [`super::run_series`]; a share of the series, and files whose pages are frames, are refused.
 pub fn watch(
-    asked: &Overlay,
+    asked: &Request,
     case: &CaseFile,
     watching: &Watching,
     output: &Path,
@@ -47,7 +47,8 @@ pub fn watch(
     if asked.shard.is_some() {
         return Err("--shard cannot be given: the images of a camera have no known number to share".into());
     }
-    if asked.pages.or(case.images.pages).is_some() {
+    let wanted = over(&asked.images, &case.images)?;
+    if wanted.pages.is_some() {
         return Err("pages = \"all\" cannot be: each file of a watched folder is one frame".into());
     }
     if let Some(timeout) = timeout.filter(|timeout| timeout <= settle) {
@@ -57,11 +58,11 @@ pub fn watch(
         )
         .into());
     }
-    let page = plan::page(asked, case).unwrap_or(0);
-    let watched = asked.deformed.first().map_or("", String::as_str);
+    let page = wanted.page.unwrap_or(0) as usize;
+    let watched = asked.images.deformed.iter().flatten().next().map_or("", String::as_str);
     let watched = WatchedFolder::new(Path::new(watched), pattern.as_deref(), *settle)?;
     let references = plan::references(asked, case)?;
-    let mut camera = Camera::new(watched, page, plan::accepted(asked, case)?, *timeout);
+    let mut camera = Camera::new(watched, page, plan::accepted(&wanted)?, *timeout);
     let mut images = Images {
         reference: references.into_iter().map(|path| Frame::file(path, page)).collect(),
         deformed: Vec::new(),

@@ -12,21 +12,19 @@ use quadrille::io::images::read_image;
 use quadrille::io::store::Store;
 use quadrille::mesh::Mask;
 use quadrille::run::{
-    Event, Existing, InMemory, Outcome, Overlay, Plan, Ran, RunError, RunFolder, Session, Stop, run_series,
+    Event, Existing, InMemory, Outcome, Plan, Ran, Request, RunError, RunFolder, Session, Stop, run_series,
 };
 use rayon::ThreadPool;
 use std::sync::Arc;
 
 /// What `quadrille correlate --roi 16,16,112,80 --reference ref.png a.png b.png c.png` is given.
-fn asked(desk: &Desk) -> Overlay {
+fn asked(desk: &Desk) -> Request {
     let name = |file: &str| desk.path(file).display().to_string();
-    Overlay {
-        reference: vec![name("ref.png")],
-        deformed: ["a.png", "b.png", "c.png"].map(name).to_vec(),
-        roi: vec![[16.0, 16.0, 112.0, 80.0]],
-        device: "cpu".parse().unwrap(),
-        ..Overlay::default()
-    }
+    let mut asked = Request { device: "cpu".parse().unwrap(), ..Request::default() };
+    asked.images.reference = Some(vec![name("ref.png")]);
+    asked.images.deformed = Some(["a.png", "b.png", "c.png"].map(name).to_vec());
+    asked.zones.roi = vec![[16.0, 16.0, 112.0, 80.0]];
+    asked
 }
 
 fn pool() -> ThreadPool {
@@ -80,8 +78,9 @@ fn a_run_that_is_asked_to_stop_goes_on_to_the_same_bits() {
     let desk = Desk::new();
     (0..=FRAMES).for_each(|k| desk.image(&format!("{k:02}.png"), &moved([0.1 * k as f64, -0.1 * k as f64])));
     let files = (1..=FRAMES).map(|k| desk.path(&format!("{k:02}.png")).display().to_string()).collect();
-    let reference = vec![desk.path("00.png").display().to_string()];
-    let asked = Overlay { reference, deformed: files, ..asked(&desk) };
+    let mut asked = asked(&desk);
+    asked.images.reference = Some(vec![desk.path("00.png").display().to_string()]);
+    asked.images.deformed = Some(files);
     let plan = Plan::of(&asked, &CaseFile::default()).unwrap();
     let run = |output: &str, session: Session, watcher: &mut dyn FnMut(Event<'_>)| {
         run_series(&plan, &RunFolder::writable(&desk.path(output)).unwrap(), &pool(), session, watcher).unwrap()
@@ -112,14 +111,16 @@ fn a_run_that_is_asked_to_stop_goes_on_to_the_same_bits() {
 fn what_is_wrong_is_told_by_its_kind() {
     let desk = Desk::with_series();
     run(&desk, "out", Session::new(Existing::Continue), &mut |_| ()).unwrap();
-    let other = Overlay { element_size: Some(8), ..asked(&desk) };
+    let mut other = asked(&desk);
+    other.correlation.element_size_px = Some(8);
     let plan = Plan::of(&other, &CaseFile::default()).unwrap();
     let folder = RunFolder::writable(&desk.path("out")).unwrap();
     let again = run_series(&plan, &folder, &pool(), Session::new(Existing::Continue), &mut |_| ());
     assert!(matches!(again, Err(RunError::HoldsAnother { .. })), "{again:?}");
-    let none = Plan::of(&Overlay::default(), &CaseFile::default());
+    let none = Plan::of(&Request::default(), &CaseFile::default());
     assert!(matches!(none, Err(RunError::Refused(_))), "{none:?}");
-    let lost = Overlay { reference: vec![desk.path("none.png").display().to_string()], ..asked(&desk) };
+    let mut lost = asked(&desk);
+    lost.images.reference = Some(vec![desk.path("none.png").display().to_string()]);
     let plan = Plan::of(&lost, &CaseFile::default()).unwrap();
     let folder = RunFolder::writable(&desk.path("lost")).unwrap();
     let lost = run_series(&plan, &folder, &pool(), Session::new(Existing::Continue), &mut |_| ());
@@ -148,17 +149,19 @@ fn images_in_memory_give_the_fields_that_a_run_stores() {
 fn what_single_images_cannot_have_is_refused() {
     let desk = Desk::with_series();
     let reference = Arc::new(read_image(&desk.path("ref.png"), 0).unwrap().image);
-    let refused = |asked: &Overlay, mask| {
+    let refused = |asked: &Request, mask| {
         let made = InMemory::new(asked, &CaseFile::default(), Arc::clone(&reference), mask);
         made.err().map(|error| error.to_string()).unwrap_or_default()
     };
-    let update = Overlay { update_reference: Some("residual".parse().unwrap()), ..asked(&desk) };
+    let mut update = asked(&desk);
+    update.correlation.update_reference = Some("residual".parse().unwrap());
     assert!(refused(&update, None).contains("for a series"));
-    let crack = Overlay { crack: vec![CrackPath::Auto], ..asked(&desk) };
+    let mut crack = asked(&desk);
+    crack.cracks.path = vec![CrackPath::Auto];
     assert!(refused(&crack, None).contains("in a series alone"));
     assert!(refused(&asked(&desk), Mask::new(3, 2, vec![true; 6])).contains("the mask is 3 x 2 px"));
     let flat = Arc::new(Image::new(64, 64, Pixels::U8(vec![9; 64 * 64])).unwrap());
     let device = "cpu".parse().unwrap();
-    let found = InMemory::new(&Overlay { device, ..Overlay::default() }, &CaseFile::default(), flat, None);
+    let found = InMemory::new(&Request { device, ..Request::default() }, &CaseFile::default(), flat, None);
     assert!(matches!(found, Err(RunError::Reference(_))));
 }

@@ -449,6 +449,6 @@ fn what_is_asked_of_a_crack_is_refused_in_words_where_it_cannot_be() {
     let both = ["--crack", "0,46 100,46", "--crack-young", "1000", "--crack-poisson", "0.3"];
     correlate(&both).refused(&["--pixel-size"]);
     correlate(&["--crack", "0,46 100,46", "--crack-young", "-2", "--crack-poisson", "0.3"]).refused(&["-2 MPa"]);
-    correlate(&["--crack-guard", "4"]).refused(&["--crack-guard is given but no crack"]);
+    correlate(&["--crack-guard", "4"]).refused(&["--crack-guard, is given but no crack"]);
     correlate(&["--crack", "20,85 40,90"]).refused(&["cuts no zone", "(20, 85)"]);
 }

@@ -4,7 +4,7 @@
 use quadrille::identify::{
     Budget, BudgetLine, Case, Constant, ConstantKind, ELEMENT_SIZE, Face, Fit, NORMAL_95, Source, bands, fit,
 };
-use quadrille::io::case::{CaseExact, CaseFit, CaseForce, CaseKinematics, CaseMaterial, CaseSubstrate};
+use quadrille::io::case::{CaseExact, CaseFit, CaseForce, CaseMaterial, CaseSubstrate};
 use quadrille::io::joint::{
     BoundaryInput, ForceInput, JointInput, JointMeshFile, MeasurementInput, MeasurementTable, MeshInput, read_joint,
 };
@@ -132,7 +132,7 @@ fn names(list: &[&str]) -> CaseExact {
 /// The input with the mesh in a file, so that its nodes can be moved and all displacements changed: `change` gets them.
 fn remade(input: &JointInput, change: impl FnOnce(&mut Vec<[f64; 2]>, &mut Vec<Vec<[f64; 2]>>)) -> JointInput {
     let mesh = mesh();
-    let objective = input.case.cohesive.kinematics == Some(CaseKinematics::Objective);
+    let objective = input.case.cohesive.kinematics == Some(Kinematics::Objective);
     let kinematics = if objective { Kinematics::Objective } else { Kinematics::Paper };
     let (mut nodes, mut fields) = (mesh.nodes().to_vec(), fields(kinematics).clone());
     change(&mut nodes, &mut fields);

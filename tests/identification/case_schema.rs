@@ -2,9 +2,12 @@
 
 use crate::common::schema;
 use quadrille::correlate::Options;
-use quadrille::io::case::{Case, CaseDocument, case_reference, case_schema};
+use quadrille::field::{StrainDefinition, UpdateReference};
+use quadrille::io::case::{Case, CaseDocument, CaseFile, case_reference, case_schema};
+use quadrille::io::images::Accepted;
 use quadrille::io::run_case::parse_run_case;
 use quadrille::mechanics::case_laws;
+use quadrille::run::{Images, Plan, Request};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
@@ -291,18 +294,13 @@ fn the_schema_refuses_what_the_parser_refuses() {
 #[test]
 fn defaults_in_the_schema_are_those_of_the_code() {
     let schema = case_schema(&case_laws());
-    let told = &schema["properties"]["correlation"]["properties"];
-    let default = Options::default();
-    assert_eq!(told["element_size_px"]["default"], default.element_size);
-    assert_eq!(told["element_share"]["default"], default.element_share);
-    assert_eq!(told["interpolation"]["default"], default.interpolation.name());
-    assert_eq!(told["tolerance_px"]["default"], default.tolerance_px);
-    assert_eq!(told["max_iterations"]["default"], default.max_iterations);
-    assert_eq!(told["brightness"]["default"], default.brightness.to_string());
-    assert_eq!(told["start"]["default"], default.start.to_string());
-    assert_eq!(told["regularisation"]["default"], default.regularisation.kind().to_string());
-    assert_eq!(told["drop_textureless"]["default"], default.drop_textureless);
-    assert_eq!(told["strain"]["default"], quadrille::field::StrainDefinition::default().to_string());
+    let images = Images { reference: Vec::new(), deformed: Vec::new(), grows: false, left_out: Vec::new() };
+    let plan = Plan::with(&Request::default(), &CaseFile::default(), images).unwrap();
+    assert_eq!(plan.options, Options { n_references: 0, ..Options::default() });
+    let fields = (plan.update, plan.strain, plan.strain_window, plan.accepted);
+    assert_eq!(fields, (UpdateReference::Never, StrainDefinition::default(), None, Accepted::default()));
+    let most = &schema["properties"]["images"]["properties"]["max_image_mpx"]["default"];
+    assert_eq!(*most, Accepted::default().max_mpx);
     let evaluations = quadrille::identify::TrustRegionOptions::default().max_evaluations;
     assert_eq!(schema["properties"]["fit"]["properties"]["max_evaluations"]["default"], evaluations);
 }
@@ -310,7 +308,7 @@ fn defaults_in_the_schema_are_those_of_the_code() {
 #[test]
 fn the_reference_of_keys_is_the_one_in_the_documents() {
     let there = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/case.md")).unwrap_or_default();
-    let wanted = case_reference(&case_laws());
+    let wanted = written(&["schema", "--reference"]);
     let line = there.lines().zip(wanted.lines()).position(|(there, wanted)| there != wanted);
     assert!(
         there == wanted,
@@ -319,19 +317,91 @@ fn the_reference_of_keys_is_the_one_in_the_documents() {
     );
 }
 
+fn written(arguments: &[&str]) -> String {
+    let done = std::process::Command::new(env!("CARGO_BIN_EXE_quadrille")).args(arguments).output().unwrap();
+    assert!(done.status.success() && done.stderr.is_empty());
+    String::from_utf8(done.stdout).unwrap()
+}
+
+/// Takes out what the program adds: the flags of keys.
+fn without_flags(schema: &mut Value) {
+    match schema {
+        Value::Object(keys) => {
+            keys.remove("x-flag");
+            keys.values_mut().for_each(without_flags);
+        }
+        Value::Array(list) => list.iter_mut().for_each(without_flags),
+        _ => {}
+    }
+}
+
+/// Flags of `quadrille correlate` that are not keys of a case, and why.
+const NOT_KEYS: [(&str, &str); 15] = [
+    ("--case", "it names the case"),
+    ("--output", "the same case may go into several folders"),
+    ("--overwrite", "a decision of the moment"),
+    ("--resume", "a decision of the moment"),
+    ("--export", "a run records it in [run]"),
+    ("--no-report", "no measured value depends on it"),
+    ("--figures", "no measured value depends on it"),
+    ("--shard", "each process has its own"),
+    ("--device", "of the machine, not of the test"),
+    ("--trust-device", "of the machine, not of the test"),
+    ("--isa", "of the machine, not of the test"),
+    ("--threads", "of the machine, not of the test"),
+    ("--quiet", "no measured value depends on it"),
+    ("--verbose", "no measured value depends on it"),
+    ("--progress", "no measured value depends on it"),
+];
+
+/// Keys of the sections of a correlation that no flag stands for, and why.
+const NOT_FLAGS: [(&str, &str); 6] = [
+    ("correlation.poisson", "hardly a field depends on it"),
+    ("zone.name", "a flag gives several zones at once"),
+    ("zone.exclude", "a list of lists is no word"),
+    ("zone.group", "each group of --mesh is a zone"),
+    ("zone.elements", "a flag gives several zones at once"),
+    ("crack.name", "a flag gives several cracks at once"),
+];
+
+#[test]
+fn every_option_of_a_correlation_is_a_flag_and_a_documented_key_or_says_why_not() {
+    let page = written(&["schema", "--commands"]);
+    let of_command = page.split("\n## `quadrille correlate`\n").nth(1).unwrap().split("\n## ").next().unwrap();
+    let cells = of_command.lines().filter_map(|line| line.strip_prefix("| `"));
+    let flags: Vec<&str> = cells.filter_map(|cell| cell.split('`').next()?.split(", ").last()).collect();
+    assert!(flags.contains(&"--element-size") && flags.contains(&"DEFORMED"), "{flags:?}");
+    let schema: Value = serde_json::from_str(&written(&["schema"])).unwrap();
+    let mut of_keys = Vec::new();
+    for section in ["images", "correlation", "zone", "crack"] {
+        let schema = &schema["properties"][section];
+        let schema = if schema["type"] == "array" { &schema["items"] } else { schema };
+        for (key, about) in schema["properties"].as_object().unwrap() {
+            let name = format!("{section}.{key}");
+            assert!(about["description"].as_str().is_some_and(|text| text.len() > 10), "{name} is not explained");
+            let flag = about["x-flag"].as_str().map(|flag| flag.trim_end_matches("..."));
+            assert_ne!(flag.is_some(), NOT_FLAGS.iter().any(|(key, _)| *key == name), "{name}: {flag:?}");
+            of_keys.extend(flag.map(str::to_owned));
+        }
+    }
+    for flag in &of_keys {
+        assert!(flags.contains(&flag.as_str()), "{flag} is in the schema and not a flag");
+    }
+    for flag in flags {
+        let is_key = of_keys.iter().any(|of_key| of_key == flag);
+        assert_ne!(is_key, NOT_KEYS.iter().any(|(name, _)| *name == flag), "{flag}");
+    }
+}
+
 #[test]
 fn the_program_writes_the_schema() {
-    let run = |arguments: &[&str]| {
-        let done = std::process::Command::new(env!("CARGO_BIN_EXE_quadrille")).args(arguments).output().unwrap();
-        assert!(done.status.success() && done.stderr.is_empty());
-        String::from_utf8(done.stdout).unwrap()
-    };
-    let schema: Value = serde_json::from_str(&run(&["about", "schema"])).unwrap();
+    let mut schema: Value = serde_json::from_str(&written(&["about", "schema"])).unwrap();
+    assert_eq!(written(&["about", "case"]), case_reference(&schema));
+    without_flags(&mut schema);
     assert_eq!(schema, case_schema(&case_laws()));
     assert_eq!(schema["$schema"], "https://json-schema.org/draft/2020-12/schema");
     let roi = &schema["properties"]["zone"]["items"]["properties"]["roi"];
     assert!(roi["description"].as_str().unwrap().contains("px") && roi["minItems"] == 4, "{roi}");
     let e = &schema["properties"]["substrate"]["additionalProperties"]["properties"]["E_MPa"];
     assert!(e["description"].as_str().unwrap().contains("MPa"), "{e}");
-    assert_eq!(run(&["about", "case"]), case_reference(&case_laws()));
 }

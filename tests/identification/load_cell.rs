@@ -3,6 +3,7 @@
 use crate::mechanics_common;
 use mechanics_common::{adhesive, aluminium, assert_close, measured_table};
 use quadrille::identify::{Case, Fit, Outcome, fit};
+use quadrille::io::case::BoundaryNoise;
 use quadrille::io::joint::read_joint;
 use quadrille::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, Model, ModelOptions, NodeGroup};
 use quadrille::remark::Code;
@@ -375,7 +376,7 @@ fn a_load_curve_alone_tells_the_work_of_separation_of_an_opening_test() {
     let input = read_joint(&path).unwrap();
     let joint = Case::joint(&input).unwrap();
     let case = Case::new(&joint, &input, &path).unwrap();
-    assert_eq!((case.problem.observation.n_data(), case.boundary), (14, "exact"));
+    assert_eq!((case.problem.observation.n_data(), case.boundary), (14, BoundaryNoise::Exact));
     let found = fit(&case.problem, &case.options).unwrap();
     let said = found.verdict.sentences.join(". ");
     println!("{said}");

@@ -8,6 +8,7 @@ mod document;
 mod drives;
 mod explain;
 mod fields;
+pub mod flags;
 mod force;
 mod guard;
 mod joint;
@@ -15,26 +16,27 @@ mod law;
 mod lists;
 mod quantities;
 mod schema;
+mod section;
 mod setup;
 
 pub use crack_path::CrackPath;
 pub use document::{CaseDocument, Reader, parse_case, read_case, read_document, write_case};
 pub use drives::{CaseAppliedLoad, CaseHistory, CasePath, CasePathControl, CaseSupport, CaseTied};
 pub use explain::{CaseError, CasePlace, CaseText, heading};
-pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages};
+pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages, Polygon, ZoneFlags};
 pub use force::{CaseAxis, CaseDirection, CaseForce};
 pub use guard::CaseGuard;
 pub use joint::{
-    CaseBootstrap, CaseBoundary, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseInterface, CaseIntervals,
-    CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodeGroup, CaseNodes, CaseRigidMotion, CaseTest, CaseWeights,
+    BoundaryNoise, CaseBootstrap, CaseBoundary, CaseFit, CaseInterface, CaseJointMesh, CaseJointOutput,
+    CaseMeasurement, CaseNodeGroup, CaseNodes, CaseRigidMotion, CaseTest, Discretisation, Intervals, WeightKind,
 };
-pub use law::{
-    CaseCohesive, CaseExact, CaseKinematics, CaseMaterial, CasePlane, CaseQuadrature, CaseSubstrate, EXACT, STD,
-};
+pub use law::{CaseCohesive, CaseExact, CaseMaterial, CaseSubstrate, EXACT, Kinematics, PlaneState, Quadrature, STD};
 pub use quantities::{
     CaseCrack, CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
+    CrackFlags,
 };
-pub use schema::{CaseLaws, LawKey, LawKeys, case_reference, case_schema};
+pub use schema::{CaseLaws, LawKey, LawKeys, case_reference, case_schema, schema_of};
+pub use section::{complete, over};
 pub use setup::CaseReport;
 
 use schemars::JsonSchema;

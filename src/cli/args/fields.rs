@@ -1,7 +1,6 @@
 //! What the commands take that read the fields of a run, and `metrology`.
 
 use super::shared::{Drawn, Quiet, Threads};
-use super::words::interpolation;
 use super::words::megabytes;
 use super::words::pair;
 use super::words::rectangle;
@@ -10,6 +9,8 @@ use crate::cli::frames::Frames;
 use crate::field::RemoveRigid;
 use crate::field::StrainDefinition;
 use crate::imaging::Interpolation;
+use crate::io::case::flags::numbers;
+use crate::io::case::{CaseLoad, CaseQuantityOptions};
 use crate::report::Animated;
 use crate::report::Figure;
 use crate::report::Format;
@@ -44,7 +45,7 @@ pub struct ExportArgs {
     #[arg(value_name = "DIR")]
     pub run: PathBuf,
     /// What to make.
-    #[arg(long, value_name = "csv,vtu,npz,mat", value_delimiter = ',', required = true)]
+    #[arg(long, value_name = "csv,vtu,npz,mat", value_delimiter = ',', required = true, help_heading = "Output")]
     pub to: Vec<Target>,
     /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
     #[arg(long, value_name = "1,5-20|last|all", default_value = "all")]
@@ -53,7 +54,7 @@ pub struct ExportArgs {
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
     /// npz and mat: a file for each frame instead of one for all.
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     pub split: bool,
     /// Replace files that are there already.
     #[arg(long)]
@@ -86,55 +87,72 @@ pub struct ProbeArgs {
     #[arg(long, value_name = "FILE")]
     pub case: Option<PathBuf>,
     /// A point, px: displacement and strain with their uncertainty. Repeat it for several.
-    #[arg(long, value_name = "x,y", value_parser = pair, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "x,y",
+        value_parser = numbers::<2>,
+        allow_hyphen_values = true,
+        help_heading = "Quantities"
+    )]
     pub point: Vec<[f64; 2]>,
     /// A line, px: the same at points along it. Repeat it for several.
-    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "x0,y0,x1,y1",
+        value_parser = rectangle,
+        allow_hyphen_values = true,
+        help_heading = "Quantities"
+    )]
     pub line: Vec<[f64; 4]>,
     /// Distance of the points of lines, px. Default: a quarter of the element size.
-    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    #[arg(id = "line.step_px", long, value_name = "PX", allow_hyphen_values = true, help_heading = "Quantities")]
     pub step: Option<f64>,
     /// An extensometer from one point to another, px: elongation and strain. Repeat it for several.
-    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "x0,y0,x1,y1",
+        value_parser = rectangle,
+        allow_hyphen_values = true,
+        help_heading = "Quantities"
+    )]
     pub extensometer: Vec<[f64; 4]>,
-    /// Average extensometers over gauge lines of this length across their ends, px. Default 0: points.
-    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    /// Average extensometers over gauge lines of this length across their ends, px.
+    #[arg(
+        id = "extensometer.width_px",
+        long,
+        value_name = "PX",
+        allow_hyphen_values = true,
+        help_heading = "Quantities"
+    )]
     pub width: Option<f64>,
     /// Opening and sliding between two zones along their facing edges; for a horizontal joint the upper zone
     /// first. Repeat it for several.
-    #[arg(long, value_name = "upper,lower", value_parser = two_zones)]
+    #[arg(
+        id = "opening.zones",
+        long,
+        value_name = "upper,lower",
+        value_parser = two_zones,
+        help_heading = "Quantities"
+    )]
     pub opening: Vec<[String; 2]>,
-    /// Subtract the rigid motion first, of all nodes together or of each zone.
-    #[arg(long, value_name = "all|zone")]
-    pub remove_rigid: Option<RemoveRigid>,
+    /// The rigid motion that is taken off.
+    #[command(flatten)]
+    pub options: CaseQuantityOptions,
     /// Definition of the strains. Default: that of the run.
-    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
+    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky", help_heading = "Output")]
     pub strain: Option<StrainDefinition>,
     /// Strains at points and lines over a window of N x N nodes as well, N odd; 1: none. Default: that of the run.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, help_heading = "Output")]
     pub strain_window: Option<u32>,
     /// What other instruments recorded (CSV, a row per image, or a column of times): joined to every row.
-    #[arg(long, value_name = "FILE")]
+    #[arg(id = "load.file", long, value_name = "FILE", help_heading = "Input")]
     pub load: Option<PathBuf>,
-    /// The column of the load file that says when its rows were taken: joined by time, interpolated between rows. Needs
-    /// --frame-interval or --frame-times.
-    #[arg(long, value_name = "COLUMN")]
-    pub load_time: Option<String>,
-    /// Time between two frames, s: frame n was taken n times that after the reference.
-    #[arg(long, value_name = "S", allow_negative_numbers = true, conflicts_with = "frame_times")]
-    pub frame_interval: Option<f64>,
-    /// A file with the time of each image (CSV, a row per image, a column `time`), as cameras write them.
-    #[arg(long, value_name = "FILE")]
-    pub frame_times: Option<PathBuf>,
-    /// Time of the reference in the load file, s; with --frame-times what is added to these. Default 0.
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub load_start: Option<f64>,
-    /// Area of the cross-section, mm2: adds a column stress_MPa, the force over it.
-    #[arg(long, value_name = "MM2", allow_negative_numbers = true)]
-    pub area: Option<f64>,
+    /// When its rows and the frames were taken, and on what area the load is.
+    #[command(flatten)]
+    pub load_options: CaseLoad,
     /// Draw every quantity against each column of the load file, or without one against the frame number, as PNG
     /// and SVG into DIR/curves.
-    #[arg(long)]
+    #[arg(long, help_heading = "Quantities")]
     pub curves: bool,
     /// Folder for `quantities/`. Default: DIR.
     #[arg(short, long, value_name = "DIR")]
@@ -232,7 +250,13 @@ pub struct FiguresArgs {
     #[arg(long, value_name = "png,svg,gif,apng,mp4", value_delimiter = ',', default_value = "png")]
     pub format: Vec<FileKind>,
     /// A line, px: shown in the maps, and each quantity drawn along it with a band of 2 standard uncertainties.
-    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "x0,y0,x1,y1",
+        value_parser = rectangle,
+        allow_hyphen_values = true,
+        help_heading = "Quantities"
+    )]
     pub line: Option<[f64; 4]>,
     /// Factor on displacements in deformed and register. Default: one that makes them visible; 1 where the
     /// deformed image can be shown.
@@ -242,16 +266,16 @@ pub struct FiguresArgs {
     #[arg(long, value_name = "low,high", value_parser = pair, allow_hyphen_values = true)]
     pub range: Option<[f64; 2]>,
     /// Definition of the strains. Default: that of the run.
-    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
+    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky", help_heading = "Output")]
     pub strain: Option<StrainDefinition>,
     /// Nodes along a side of the window of exx-window, eyy-window and exy-window, odd; 1: none. Default: that of the run.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, help_heading = "Output")]
     pub strain_window: Option<u32>,
     /// Strains of elements or of nodes.
     #[arg(long, value_enum, default_value = "elements")]
     pub strain_on: StrainPlace,
     /// Rigid motion that register takes off: of each zone, or of all together.
-    #[arg(long, value_name = "zone|all", default_value = "zone")]
+    #[arg(long, value_name = "zone|all", default_value = "zone", help_heading = "Quantities")]
     pub remove_rigid: RemoveRigid,
     /// Pixels per unit of length in PNG files, 1 to 4: 1 for the screen, 2 or 3 for print.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4))]
@@ -317,7 +341,13 @@ pub struct MetrologyArgs {
     pub stills: Vec<String>,
     /// The rectangle to look at, px: left, top, right, bottom. Default: the whole image. Of more than a
     /// million pixels the middle is used.
-    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "x0,y0,x1,y1",
+        value_parser = rectangle,
+        allow_hyphen_values = true,
+        help_heading = "Zones"
+    )]
     pub roi: Option<[f64; 4]>,
     /// Element sizes to try, px (4 to 128). Default: those of 6,8,12,16,24,32,48,64 that fit.
     #[arg(long, value_name = "PX,PX..", value_delimiter = ',', allow_hyphen_values = true)]
@@ -328,10 +358,10 @@ pub struct MetrologyArgs {
     pub strain_windows: Option<Vec<u32>>,
     /// Standard deviation of the noise of one image, grey levels. Default: measured on the static images;
     /// assumed without any.
-    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", allow_hyphen_values = true, help_heading = "Correlation")]
     pub noise: Option<f64>,
     /// Interpolation of the correlation: cubic (default), quintic, keys, bilinear.
-    #[arg(long, value_name = "NAME", value_parser = interpolation)]
+    #[arg(long, value_name = "NAME", help_heading = "Correlation")]
     pub interpolation: Option<Interpolation>,
     /// Standard uncertainty that the recommended elements reach, px.
     #[arg(long, value_name = "PX", default_value_t = 0.02, allow_hyphen_values = true)]

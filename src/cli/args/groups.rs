@@ -1,144 +1,16 @@
 //! The options of a command in groups, and the short help: one screen.
 
+use super::keys::with_defaults;
 use crate::cli::lines::{WIDTH, wrapped};
-use clap::{Arg, Command};
+use clap::{Arg, ArgAction, Command};
 
-/// Options by what they are about; the same name is the same matter in every command. What no group names stands under
-/// "Options".
-const GROUPS: [(&str, &[&str]); 8] = [
-    (
-        "Input",
-        &[
-            "case",
-            "reference",
-            "page",
-            "pages",
-            "max_image_mpx",
-            "load",
-            "load_time",
-            "frame_interval",
-            "frame_times",
-            "load_start",
-            "area",
-            "pattern",
-            "settle",
-            "timeout",
-            "stills",
-            "run",
-            "shots",
-        ],
-    ),
-    (
-        "Zones",
-        &[
-            "roi",
-            "polygon",
-            "mask",
-            "mesh",
-            "guard",
-            "crack",
-            "crack_guard",
-            "crack_young",
-            "crack_poisson",
-            "crack_radius",
-            "element_share",
-            "drop_textureless",
-        ],
-    ),
-    (
-        "Correlation",
-        &[
-            "element_size",
-            "elements",
-            "interpolation",
-            "tolerance",
-            "max_iterations",
-            "brightness",
-            "start",
-            "update_reference",
-            "noise",
-            "noise_correlation",
-            "regularisation",
-            "cutoff",
-        ],
-    ),
+/// Headings of options that are the same matter in every command, where the option itself names none.
+const USUAL: [(&str, &[&str]); 5] = [
+    ("Input", &["case", "page", "stills", "run", "shots"]),
     ("Fit", &["laws", "sweep", "tournament", "max_seconds", "max_evaluations"]),
-    ("Quantities", &["point", "line", "step", "extensometer", "width", "opening", "remove_rigid", "curves"]),
-    (
-        "Output",
-        &[
-            "output",
-            "overwrite",
-            "resume",
-            "export",
-            "figures",
-            "no_report",
-            "strain",
-            "strain_window",
-            "pixel_size",
-            "to",
-            "split",
-            "frames",
-            "json",
-            "format",
-            "scale",
-            "style",
-            "range",
-            "magnify",
-        ],
-    ),
-    ("Machine", &["device", "isa", "threads", "shard", "trust_device"]),
-    ("Messages", &["quiet", "verbose", "progress", "color", "help", "version"]),
-];
-
-/// Options that few ever need: in `--help` alone, for the commands where the short help would be longer than a screen.
-const RARE: [&str; 20] = [
-    "elements",
-    "trust_device",
-    "crack_guard",
-    "crack_young",
-    "crack_poisson",
-    "crack_radius",
-    "element_share",
-    "drop_textureless",
-    "tolerance",
-    "max_iterations",
-    "noise_correlation",
-    "page",
-    "pages",
-    "max_image_mpx",
-    "isa",
-    "resume",
-    "shard",
-    "progress",
-    "version",
-    "color",
-];
-
-/// What an option is in a few words, for a command with many: a line each.
-const BRIEF: [(&str, &str); 22] = [
-    ("deformed", "deformed images; the first is the reference"),
-    ("reference", "the reference; several: their mean"),
-    ("case", "a case file that says the same; flags win"),
-    ("roi", "a rectangle to measure, px; may be repeated"),
-    ("polygon", "a polygon to measure, px; may be repeated"),
-    ("mask", "an image, white where it is measured"),
-    ("mesh", "a mesh to measure with, .msh or .vtu"),
-    ("guard", "pixels left out beside the border of a zone"),
-    ("element_size", "side of the elements, 4 to 128 px; 16"),
-    ("interpolation", "cubic, quintic, keys, bilinear"),
-    ("brightness", "auto, zone, smooth, element, off"),
-    ("start", "previous frame, or independent"),
-    ("update_reference", "large deformation: residual, every N"),
-    ("noise", "camera noise, grey levels, or photon"),
-    ("regularisation", "tikhonov or equilibrium-gap; needs --cutoff"),
-    ("cutoff", "cut-off length of the regularisation, px"),
-    ("overwrite", "replace the results of an earlier run"),
-    ("pixel_size", "millimetres per pixel: columns in mm"),
-    ("export", "csv,vtu per frame, or none"),
-    ("strain", "infinitesimal, green-lagrange, hencky"),
-    ("figures", "frames to draw at the end: 1,5-20, last, all"),
-    ("device", "auto, cpu, gpu, or part of an adapter's name"),
+    ("Output", &["output", "overwrite", "frames", "json", "format", "scale", "range", "magnify"]),
+    ("Machine", &["device", "trust_device"]),
+    ("Messages", &["progress", "color"]),
 ];
 
 /// Options above which the rare ones are left out of the short help.
@@ -146,21 +18,36 @@ const MANY: usize = 18;
 /// Column at which the short help says what an option is.
 const TEXT_AT: usize = 28;
 
-/// `command` with the options of all its commands in groups.
+/// `command` with the options of all its commands in groups, and with the defaults of those that are keys of a case.
 pub fn grouped(command: Command) -> Command {
-    let command = command.mut_args(|arg| match heading(&arg) {
+    with_defaults(in_groups(command))
+}
+
+fn in_groups(command: Command) -> Command {
+    let command = command.mut_args(|arg| match usual_heading(&arg) {
         Some(heading) => arg.help_heading(heading),
         None => arg,
     });
     let names: Vec<String> = command.get_subcommands().map(|inner| inner.get_name().to_owned()).collect();
-    names.into_iter().fold(command, |command, name| command.mut_subcommand(name, grouped))
+    names.into_iter().fold(command, |command, name| command.mut_subcommand(name, in_groups))
 }
 
-fn heading(arg: &Arg) -> Option<&'static str> {
+fn usual_heading(arg: &Arg) -> Option<&'static str> {
     let id = arg.get_id().as_str();
     // Positional arguments have a place of their own.
-    let listed = !arg.is_positional();
-    GROUPS.iter().find(|(_, ids)| listed && ids.contains(&id)).map(|(heading, _)| *heading)
+    let is_without = !arg.is_positional() && arg.get_help_heading().is_none();
+    USUAL.iter().find(|(_, ids)| is_without && ids.contains(&id)).map(|(heading, _)| *heading)
+}
+
+/// Headings of `arguments` in the order that they come in, those without first.
+pub(super) fn headings<'a>(arguments: &[&'a Arg]) -> Vec<Option<&'a str>> {
+    let mut headings = vec![None];
+    for heading in arguments.iter().map(|arg| arg.get_help_heading()) {
+        if !headings.contains(&heading) {
+            headings.push(heading);
+        }
+    }
+    headings
 }
 
 /// What `-h` says of `command`, whose whole name is `name`: a line or two for each option.
@@ -196,10 +83,11 @@ pub fn short_help(command: &Command, name: &str) -> String {
         let about = inner.get_about().map(ToString::to_string).unwrap_or_default();
         add(&wrapped(&format!("  {:<width$} {}", inner.get_name(), first_sentence(&about)), width + 3));
     }
-    let shown = |arg: &&&Arg| !(many && RARE.contains(&arg.get_id().as_str()));
-    let headings = GROUPS.iter().map(|(heading, _)| Some(*heading));
-    for heading in std::iter::once(None).chain(headings) {
-        let of_group: Vec<_> = options.iter().filter(shown).filter(|arg| arg.get_help_heading() == heading).collect();
+    // What few need is in the long help alone, for the commands where the short one would be longer than a screen.
+    let is_rare = |arg: &Arg| arg.is_hide_short_help_set() || matches!(arg.get_action(), ArgAction::Version);
+    let shown: Vec<&Arg> = options.into_iter().filter(|arg| !(many && is_rare(arg))).collect();
+    for heading in headings(&shown) {
+        let of_group: Vec<_> = shown.iter().filter(|arg| arg.get_help_heading() == heading).collect();
         if !of_group.is_empty() {
             add(&format!("{}:", heading.unwrap_or("Options")));
         }
@@ -242,7 +130,7 @@ fn entry(spec: &str, arg: &Arg) -> String {
     }
 }
 
-/// The same on one line: in a few words, or as much of the first sentence as there is room for.
+/// The same on one line: as much of the first sentence as there is room for.
 fn brief(spec: &str, arg: &Arg) -> String {
     // Of choices the words tell, of a form the long help.
     let spec = match spec.split_once(' ') {
@@ -251,13 +139,10 @@ fn brief(spec: &str, arg: &Arg) -> String {
         }
         _ => spec.to_owned(),
     };
-    let known = BRIEF.iter().find(|(id, _)| arg.get_id() == *id).map(|(_, words)| (*words).to_owned());
-    let words = known.unwrap_or_else(|| {
-        let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
-        let (sentence, room) = (first_sentence(&help), WIDTH - TEXT_AT);
-        let clause = sentence.find([',', ';', ':', '(']).filter(|_| sentence.chars().count() > room);
-        sentence[..clause.unwrap_or(sentence.len())].trim_end().chars().take(room).collect()
-    });
+    let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
+    let (sentence, room) = (first_sentence(&help), WIDTH - TEXT_AT);
+    let clause = sentence.find([',', ';', ':', '(']).filter(|_| sentence.chars().count() > room);
+    let words: String = sentence[..clause.unwrap_or(sentence.len())].trim_end().chars().take(room).collect();
     format!("{:TEXT_AT$}{words}", format!("  {spec}"))
 }
 

@@ -4,6 +4,7 @@ mod about;
 mod fields;
 mod groups;
 mod joint;
+mod keys;
 mod machine;
 mod make;
 mod reference;
@@ -16,6 +17,7 @@ pub use about::*;
 pub use fields::*;
 pub use groups::{grouped, short_help};
 pub use joint::*;
+pub use keys::name_flags;
 pub use machine::*;
 pub use make::*;
 pub use reference::command_reference;
@@ -37,7 +39,7 @@ pub struct Cli {
     #[command(subcommand)]
     pub command: Command,
     /// Whether statuses are coloured: on a terminal (auto; not where NO_COLOR is set), always, or never.
-    #[arg(long, global = true, value_name = "auto|always|never", default_value = "auto")]
+    #[arg(long, global = true, value_name = "auto|always|never", default_value = "auto", hide_short_help = true)]
     pub color: ColorChoice,
 }
 

@@ -1,5 +1,6 @@
 //! The reference of all commands, as Markdown: docs/commands.md.
 
+use super::groups::headings;
 use super::{Cli, grouped};
 use clap::{Arg, Command, CommandFactory};
 use std::collections::BTreeMap;
@@ -63,13 +64,7 @@ fn section(text: &mut String, known: &mut Known, command: &Command, name: &str) 
             true
         }
     });
-    let mut headings = vec![None];
-    for arg in &arguments {
-        if !headings.contains(&arg.get_help_heading()) {
-            headings.push(arg.get_help_heading());
-        }
-    }
-    for heading in headings {
+    for heading in headings(&arguments) {
         let of: Vec<&Arg> = arguments.iter().copied().filter(|arg| arg.get_help_heading() == heading).collect();
         if let (Some(heading), false) = (heading, of.is_empty()) {
             let _ = write!(text, "\n**{heading}**\n");

@@ -2,57 +2,18 @@
 
 use super::fields::Target;
 use super::shared::Threads;
-use super::words::Polygon;
-use super::words::interpolation;
-use super::words::pages;
-use super::words::path;
-use super::words::polygon;
-use super::words::rectangle;
 use super::words::sbatch_option;
 use super::words::seconds;
 use super::words::slurm_time;
 use super::words::slurm_word;
-use crate::backend::choice::DeviceChoice;
 use crate::cli::frames::Frames;
-use crate::field::Brightness;
-use crate::field::Elements;
-use crate::field::Noise;
-use crate::field::NoiseCorrelation;
-use crate::field::RegularisationKind;
-use crate::field::StartFrom;
-use crate::field::StrainDefinition;
-use crate::field::UpdateReference;
-use crate::imaging::Interpolation;
-use crate::io::case::CrackPath;
-use crate::io::case::Pages;
-use crate::run::Shard;
+use crate::run::Request;
 use clap::ArgAction;
 use clap::Args;
 use clap::ValueEnum;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
-
-/// A table of values per frame that is written beside the store.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Export {
-    /// DIR/csv/NNNNNN.csv: one row per measured node.
-    Csv,
-    /// DIR/vtu/NNNNNN.vtu and DIR/series.pvd for ParaView.
-    Vtu,
-    /// Nothing beside run.toml, summary.json and fields.zarr.
-    None,
-}
-
-impl From<Export> for crate::run::Export {
-    fn from(table: Export) -> Self {
-        match table {
-            Export::Csv => Self::Csv,
-            Export::Vtu => Self::Vtu,
-            Export::None => Self::None,
-        }
-    }
-}
 
 /// Arguments of `quadrille correlate`.
 #[derive(Debug, Args)]
@@ -78,175 +39,38 @@ impl From<Export> for crate::run::Export {
     Exit status: 0 all frames converged; 1 some frame did not (see DIR/summary.json); 2 nothing could be run; 130 stopped \
     by Ctrl-C or SIGTERM.")]
 pub struct CorrelateArgs {
-    /// Deformed images: files or quoted globs, taken in natural order (img_2 before img_10). Without
-    /// --reference the first one is the reference.
-    #[arg(value_name = "DEFORMED")]
-    pub deformed: Vec<String>,
-    /// The reference image: a file. Repeat it or quote a glob to take the mean of several images.
-    #[arg(long, value_name = "FILE")]
-    pub reference: Vec<String>,
-    /// A case file (TOML) that says the same as these flags; flags win.
-    #[arg(long, value_name = "FILE")]
+    /// A case file (TOML) that says the same; flags win.
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
     pub case: Option<PathBuf>,
     /// Folder for the results; made when it is not there.
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     pub output: PathBuf,
     /// Replace the results of an earlier run in the output folder.
-    #[arg(long, conflicts_with_all = ["resume", "shard"])]
+    #[arg(long, conflicts_with_all = ["resume", "shard"], help_heading = "Output")]
     pub overwrite: bool,
     /// Continue the run in the output folder: do what is missing. This is the default; a run with other options
     /// or images is refused.
-    #[arg(long)]
+    #[arg(long, hide_short_help = true, help_heading = "Output")]
     pub resume: bool,
-    /// Do this share of the frames only: I of N processes that write into one folder, frames I, I+N, I+2N, ... `slurm`
-    /// takes the place of the task in its array. Needs --start independent, which is then the default.
-    #[arg(long, value_name = "I/N|slurm")]
-    pub shard: Option<Shard>,
-    /// A rectangle to measure, px: left, top, right, bottom (the last two not included). Repeat it for
-    /// several zones. Without any zone the specimen is found in the reference. This, --polygon, --mask and --mesh replace the zones of the
-    /// case file.
-    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
-    pub roi: Vec<[f64; 4]>,
-    /// A polygon to measure, px: its corners in order, separated by blanks. Repeat it for several zones.
-    #[arg(long, value_name = "'x,y x,y x,y ...'", value_parser = polygon, allow_hyphen_values = true)]
-    pub polygon: Vec<Polygon>,
-    /// An image of the reference's size that is white where it is measured. Goes with --roi and --polygon;
-    /// alone it makes one zone.
-    #[arg(long, value_name = "FILE")]
-    pub mask: Option<PathBuf>,
-    /// A mesh to measure with, in px of the reference (y down): Gmsh .msh or .vtu, quadrilaterals and
-    /// triangles. Each of its groups is a zone.
-    #[arg(long, value_name = "FILE")]
-    pub mesh: Option<PathBuf>,
-    /// Leave out the pixels that lie this close to the border of a zone, px; the mesh still reaches the
-    /// border. Default 0; 3 beside bands without texture.
-    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
-    pub guard: Option<f64>,
-    /// Cut the mesh along a crack or joint, px: points along it in order, separated by blanks. An end inside a zone stays joined, a
-    /// tip: draw it some elements further than the tip reaches. Writes opening, sliding and tips to DIR/quantities. Repeat it for
-    /// several cracks; 'auto' (experimental) finds them in the residual of the last frames and says their paths. Replaces the cracks of the case file.
-    #[arg(long, value_name = "'x,y x,y ...'|auto", value_parser = path, allow_hyphen_values = true)]
-    pub crack: Vec<CrackPath>,
-    /// Leave out the pixels that lie this close to a crack, px. Default 3.
-    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
-    pub crack_guard: Option<f64>,
-    /// Young's modulus around the cracks, MPa: with --crack-poisson and --pixel-size the stress intensity factors at the tips are
-    /// found, MPa sqrt(m).
-    #[arg(long, value_name = "MPA", allow_hyphen_values = true)]
-    pub crack_young: Option<f64>,
-    /// Poisson's ratio around the cracks.
-    #[arg(long, value_name = "NU", allow_hyphen_values = true)]
-    pub crack_poisson: Option<f64>,
-    /// Outer radius of the domain that the stress intensity is found in, px. Default: the largest that fits, up to twelve elements.
-    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
-    pub crack_radius: Option<f64>,
-    /// Drop elements with less than this share of their pixels inside a polygon or a mask, above 0 to 1.
-    /// Default 0.5.
-    #[arg(long, value_name = "S", allow_hyphen_values = true)]
-    pub element_share: Option<f64>,
-    /// Side of the square elements, px (4 to 128). Smaller: finer detail and more noise. Default 16.
-    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
-    pub element_size: Option<i64>,
-    /// Displacement between the nodes: bilinear in each element, or cubic-spline (experimental), smooth over all of them (knots one element size
-    /// apart, nodes half as far). Default bilinear.
-    #[arg(long, value_name = "bilinear|cubic-spline")]
-    pub elements: Option<Elements>,
-    /// Interpolation between pixels. Default cubic; quintic has ten times less bias at twice the cost.
-    #[arg(long, value_name = "NAME", value_parser = interpolation)]
-    pub interpolation: Option<Interpolation>,
-    /// Error of the iteration that may be left when a frame counts as converged, px. Default 1e-4.
-    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
-    pub tolerance: Option<f64>,
-    /// Iterations after which a frame is given up. Default 50.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub max_iterations: Option<u32>,
-    /// Brightness and contrast followed by one gain and offset per zone (zone), as fields over a zone that follow gradients
-    /// of light and moving shadows (smooth), so only in frames where that lowers the residual significantly (auto), by
-    /// each element (element), or not at all (off). For example --brightness smooth. Default auto.
-    #[arg(long, value_name = "auto|zone|smooth|element|off")]
-    pub brightness: Option<Brightness>,
-    /// Start each frame from the extrapolation of those before it, or search for each on its own, in any order. Default
-    /// previous, with --shard independent.
-    #[arg(long, value_name = "previous|independent")]
-    pub start: Option<StartFrom>,
-    /// Large deformation: take a frame of the series for the reference of those that follow, when the present one matches
-    /// badly (residual) or after every N frames. Fields stay those of the first reference. Needs --start previous.
-    /// Default never.
-    #[arg(long, value_name = "residual|every N|never", allow_hyphen_values = true)]
-    pub update_reference: Option<UpdateReference>,
-    /// The camera noise: its standard deviation in grey levels; photon:A,B, a variance A + B grey as `metrology` finds it;
-    /// or photon, the same with A and B found on each frame's residual. Default: one standard deviation per zone, found on the
-    /// residual.
-    #[arg(long, value_name = "S|photon|photon:A,B", allow_hyphen_values = true)]
-    pub noise: Option<Noise>,
-    /// Noise that is correlated from pixel to pixel (demosaicing, smoothing in the camera, noise of rows): auto finds on the
-    /// residual by how much it raises the standard uncertainty and says so; a number is that factor, as `metrology` finds it;
-    /// off takes noise for white. Default auto.
-    #[arg(long, value_name = "auto|off|F", allow_hyphen_values = true)]
-    pub noise_correlation: Option<NoiseCorrelation>,
-    /// Hold the displacement: tikhonov (small gradients) or equilibrium-gap (an elastic plate). Needs --cutoff.
-    /// Nodes without texture are then carried by those around them. Default none.
-    #[arg(long, value_name = "none|tikhonov|equilibrium-gap")]
-    pub regularisation: Option<RegularisationKind>,
-    /// Cut-off length of the regularisation, px: waves of the displacement as long as this lose half of their
-    /// amplitude, longer ones less, shorter ones more.
-    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
-    pub cutoff: Option<f64>,
-    /// Leave out nodes that see no texture, however many, instead of refusing the reference. Up to a fifth of a zone, none of
-    /// them on a face of a joint, are left out without it.
-    #[arg(long)]
-    pub drop_textureless: bool,
-    /// Page of multi-page TIFF files. Default 0, the first. With --pages all that of the reference.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub page: Option<u32>,
-    /// Take every page of the deformed TIFF files as a frame. Default for one file alone, unless --page is
-    /// given.
-    #[arg(long, value_name = "all", value_parser = pages)]
-    pub pages: Option<Pages>,
-    /// Millimetres per pixel: adds columns in mm to the CSV files.
-    #[arg(long, value_name = "MM", allow_hyphen_values = true)]
-    pub pixel_size: Option<f64>,
-    /// The most pixels of an image, in millions, up to 2147: a file whose header claims more is not unpacked. Default 1000.
-    #[arg(long, value_name = "MPX")]
-    pub max_image_mpx: Option<u32>,
-    /// What to write per frame beside the store DIR/fields.zarr. Default csv,vtu up to 1000 frames and none
-    /// above (or what the run.toml given as --case wrote). `quadrille export` makes them later.
-    #[arg(long, value_name = "csv,vtu|none", value_delimiter = ',')]
-    pub export: Option<Vec<Export>>,
-    /// Frames to draw at the end, into DIR/figures. `quadrille figures` draws more of them later.
-    #[arg(long, value_name = "1,5-20|last|all")]
+    /// What wins over the case file.
+    #[command(flatten)]
+    pub request: Request,
+    /// Frames to draw at the end: 1,5-20, last, all. Into DIR/figures; `quadrille figures` draws more of them later.
+    #[arg(long, value_name = "1,5-20|last|all", help_heading = "Output")]
     pub figures: Option<Frames>,
-    /// Definition of the strains. Default green-lagrange.
-    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
-    pub strain: Option<StrainDefinition>,
-    /// Strains over a window of N x N nodes as well, N odd, with their standard uncertainty: a virtual strain gauge of N
-    /// elements, (N - 1) L_step + L_subset with the element size for both. Default 1: those of elements and nodes alone.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub strain_window: Option<u32>,
-    /// Write no DIR/report.html at the end. `--export none` leaves it out as well.
-    #[arg(long)]
-    pub no_report: bool,
-    /// Where the pixel work is done: `auto` (a discrete GPU for 200 megapixels of frames or more, else the CPU), `cpu`, `gpu`
-    /// (also an integrated or a software one), or an adapter by its number or part of its name, as `quadrille about devices` lists them.
-    #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
-    pub device: DeviceChoice,
     /// Use a graphics device even if it computes other numbers than the CPU, and check none of its frames.
-    #[arg(long, env = "QUADRILLE_TRUST_DEVICE")]
+    #[arg(long, env = "QUADRILLE_TRUST_DEVICE", hide_short_help = true, help_heading = "Machine")]
     pub trust_device: bool,
-    /// Instruction path of the CPU: avx512, avx2, baseline, scalar. Default: that of the run.toml given as
-    /// --case, else the fastest there is. Results differ in the last bits between paths.
-    #[arg(long, value_name = "NAME")]
-    pub isa: Option<String>,
     #[command(flatten)]
     pub threads: Threads,
     /// Only errors.
-    #[arg(long, short, conflicts_with = "verbose")]
+    #[arg(long, short, conflicts_with = "verbose", help_heading = "Messages")]
     pub quiet: bool,
     /// One line for every frame.
-    #[arg(long, short)]
+    #[arg(long, short, help_heading = "Messages")]
     pub verbose: bool,
     /// How progress is written to stderr: as text, or as one JSON object a line for other programs.
-    #[arg(long, value_name = "text|json", default_value = "text")]
+    #[arg(long, value_name = "text|json", default_value = "text", hide_short_help = true, help_heading = "Messages")]
     pub progress: ProgressKind,
 }
 
@@ -286,13 +110,13 @@ pub struct CorrelateArgs {
 pub struct WatchArgs {
     /// Names of the files that are taken: a quoted glob. Default: those that end like an image (tif, tiff, btf, png, bmp,
     /// jpg, jpeg, pgm, ppm, pnm). Hidden files never are.
-    #[arg(long, value_name = "GLOB")]
+    #[arg(long, value_name = "GLOB", help_heading = "Input")]
     pub pattern: Option<String>,
     /// A file is taken when it has not changed for this long. Give more for network folders, which show changes late.
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "1")]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "1", help_heading = "Input")]
     pub settle: Duration,
     /// End when no file has arrived or changed for this long. Default: run until Ctrl-C.
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, help_heading = "Input")]
     pub timeout: Option<Duration>,
     /// What is shared with `quadrille correlate`.
     #[command(flatten)]

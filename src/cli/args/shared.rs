@@ -10,6 +10,7 @@ use std::path::PathBuf;
 
 /// How many threads do the work.
 #[derive(Debug, Clone, Copy, Default, Args)]
+#[command(next_help_heading = "Machine")]
 pub struct Threads {
     /// Threads. Default: all cores. Results do not depend on it.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
@@ -25,6 +26,7 @@ impl Threads {
 
 /// Whether anything is said.
 #[derive(Debug, Clone, Copy, Default, Args)]
+#[command(next_help_heading = "Messages")]
 pub struct Quiet {
     /// Only errors.
     #[arg(long, short)]
@@ -33,6 +35,7 @@ pub struct Quiet {
 
 /// What figures are made for.
 #[derive(Debug, Clone, Copy, Default, Args)]
+#[command(next_help_heading = "Output")]
 pub struct Drawn {
     /// What figures are made for: screen; paper (about 84 mm wide, letters of 8 pt, no title, notes in the description of the SVG); slide
     /// (large letters, no notes).
@@ -49,6 +52,7 @@ impl Drawn {
 
 /// Where results go.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Output")]
 pub struct Results {
     /// Folder for the results; made when it is not there.
     #[arg(short, long, value_name = "DIR")]
@@ -60,6 +64,7 @@ pub struct Results {
 
 /// How far a fit may go; over what the case says.
 #[derive(Debug, Clone, Copy, Default, Args)]
+#[command(next_help_heading = "Fit")]
 pub struct FitLimits {
     /// End the fit after this time at the best point so far: the result says so. Default: [fit] max_seconds, or no limit.
     #[arg(long, value_name = "SECONDS", value_parser = positive_seconds, allow_hyphen_values = true)]

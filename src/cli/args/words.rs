@@ -1,7 +1,6 @@
 //! Words of the command line, read.
 
-use crate::imaging::Interpolation;
-use crate::io::case::{CrackPath, Pages};
+use crate::io::case::flags::numbers;
 use std::time::Duration;
 
 /// A time above zero.
@@ -63,16 +62,6 @@ pub(super) fn sbatch_option(text: &str) -> Result<String, String> {
     }
 }
 
-pub(super) fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
-    let values: Result<Vec<f64>, _> = text.split(',').map(|v| v.trim().parse::<f64>()).collect();
-    let values = values.map_err(|_| format!("'{text}' is not a list of {N} numbers separated by commas"))?;
-    let n = values.len();
-    if values.iter().any(|v| !v.is_finite()) {
-        return Err(format!("'{text}' holds a number that is not finite"));
-    }
-    values.try_into().map_err(|_| format!("'{text}' has {n} numbers instead of {N}"))
-}
-
 /// A parameter that is prescribed, and its values.
 #[derive(Debug, Clone)]
 pub struct Prescribed {
@@ -102,36 +91,6 @@ pub(super) fn rectangle(text: &str) -> Result<[f64; 4], String> {
     numbers(text)
 }
 
-/// Corners of a polygon, px.
-#[derive(Debug, Clone)]
-pub struct Polygon(pub Vec<[f64; 2]>);
-
-pub(super) fn polygon(text: &str) -> Result<Polygon, String> {
-    let corners: Vec<[f64; 2]> = text.split_whitespace().map(numbers).collect::<Result<_, _>>()?;
-    match corners.len() {
-        0..=2 => Err(format!("'{text}' has fewer than three corners; write x,y x,y x,y")),
-        _ => Ok(Polygon(corners)),
-    }
-}
-
-pub(super) fn path(text: &str) -> Result<CrackPath, String> {
-    if text == CrackPath::AUTO {
-        return Ok(CrackPath::Auto);
-    }
-    let points: Vec<[f64; 2]> = text.split_whitespace().map(numbers).collect::<Result<_, _>>()?;
-    match points.len() {
-        0 | 1 => Err(format!("'{text}' has fewer than two points; write x,y x,y ... along the crack")),
-        _ => Ok(CrackPath::Along(points)),
-    }
-}
-
-pub(super) fn pages(text: &str) -> Result<Pages, String> {
-    match text {
-        "all" => Ok(Pages::All),
-        other => Err(format!("'{other}' is not 'all'; a single page is --page")),
-    }
-}
-
 pub(super) fn two_zones(text: &str) -> Result<[String; 2], String> {
     let [plus, minus] = text
         .split(',')
@@ -151,11 +110,4 @@ pub(super) fn size(text: &str) -> Result<[usize; 2], String> {
     text.split_once(['x', 'X'])
         .and_then(|(w, h)| Some([parse(w)?, parse(h)?]))
         .ok_or_else(|| format!("'{text}' is not an image size such as 1024x768"))
-}
-
-pub(super) fn interpolation(name: &str) -> Result<Interpolation, String> {
-    [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys, Interpolation::Bilinear]
-        .into_iter()
-        .find(|i| i.name() == name)
-        .ok_or_else(|| format!("'{name}' is not one of cubic, quintic, keys, bilinear"))
 }

@@ -13,7 +13,7 @@ use crate::io::case::CaseDocument;
 use crate::io::store::{Place, Store, Variable};
 use crate::report::Backdrop;
 use crate::report::view::{Drawing, Studio};
-use crate::run::{Checked, CheckedZone, Overlay, Plan, check, correlation_in, keeps_to};
+use crate::run::{Checked, CheckedZone, Plan, Request, check, correlation_in, keeps_to};
 use hyper::StatusCode;
 use rayon::ThreadPool;
 use serde::Deserialize;
@@ -35,7 +35,7 @@ pub(super) struct Studied {
     /// Folder of the results.
     pub output: PathBuf,
     /// Device and the like.
-    pub asked: Overlay,
+    pub asked: Request,
     pub threads: Threads,
     pub pool: Arc<ThreadPool>,
     pub job: Arc<Job>,

@@ -2,7 +2,7 @@
 
 use crate::cli::{chain, plural};
 use crate::io::case::read_case;
-use crate::run::{CaseRun, Event, Existing, Outcome, Overlay, Plan, RunFolder, Session, Stop, run_case, run_series};
+use crate::run::{CaseRun, Event, Existing, Outcome, Plan, Request, RunFolder, Session, Stop, run_case, run_series};
 use rayon::ThreadPool;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ pub(super) struct Wanted {
     /// Whether it goes on to the law of an adhesive.
     pub is_joint: bool,
     /// Device and the like.
-    pub asked: Overlay,
+    pub asked: Request,
     pub pool: Arc<ThreadPool>,
 }
 

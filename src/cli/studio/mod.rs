@@ -7,7 +7,7 @@ mod server;
 
 use super::args::StudioArgs;
 use super::{Outcome, Result, devices, signals};
-use crate::run::Overlay;
+use crate::run::Request;
 use desk::Studied;
 use job::Job;
 use std::net::{Ipv4Addr, TcpListener};
@@ -30,7 +30,7 @@ pub(super) fn run(args: &StudioArgs) -> Result<Outcome> {
     let studied = Studied {
         case: within(&args.case, "--case")?,
         output: within(&args.output, "--output")?,
-        asked: Overlay { device: args.device.clone(), gpu: devices::options(false), ..Overlay::default() },
+        asked: Request { device: args.device.clone(), gpu: devices::options(false), ..Request::default() },
         threads: args.threads,
         pool: Arc::new(args.threads.pool()?),
         job: Arc::new(Job::default()),

@@ -644,7 +644,7 @@ impl FitReport<'_> {
                 instants: problem.observation.instants.iter().map(|i| i.index + 1).collect(),
                 data: problem.observation.n_data(),
                 weights: options.weights.name().into(),
-                boundary: (*boundary).into(),
+                boundary: boundary.to_string().into(),
                 noise: problem.noise.source.clone(),
             },
             parameters: parameters(fit),

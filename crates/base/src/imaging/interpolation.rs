@@ -2,6 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::str::FromStr;
 
 /// How grey levels between pixels are found.
 ///
@@ -30,6 +31,17 @@ impl Interpolation {
             Interpolation::Keys => "keys",
             Interpolation::Bilinear => "bilinear",
         }
+    }
+}
+
+impl FromStr for Interpolation {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        [Self::Cubic, Self::Quintic, Self::Keys, Self::Bilinear]
+            .into_iter()
+            .find(|interpolation| interpolation.name() == name)
+            .ok_or_else(|| format!("'{name}' is not one of cubic, quintic, keys, bilinear"))
     }
 }
 

@@ -151,10 +151,10 @@ pub struct CaseMeasurement {
     #[schemars(with = "Option<NodesKey>")]
     pub nodes: Option<CaseNodes>,
     /// Weights of the residual. Default: `covariance` for a store, `paper` for a table.
-    pub weights: Option<CaseWeights>,
+    pub weights: Option<WeightKind>,
     /// What is known of the prescribed displacements.
     #[schemars(extend("default" = "measured"))]
-    pub boundary: Option<CaseBoundaryNoise>,
+    pub boundary: Option<BoundaryNoise>,
     /// Standard deviation of a nodal displacement of one frame, mm. Default: that of the store; for a table, from the
     /// residual.
     pub noise_mm: Option<f64>,
@@ -236,7 +236,7 @@ impl<'de> Deserialize<'de> for CaseNodes {
 /// Weights of the residual of a fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum CaseWeights {
+pub enum WeightKind {
     /// Of each instant and component, by the largest displacement without rigid motion.
     Paper,
     /// One for all.
@@ -245,10 +245,21 @@ pub enum CaseWeights {
     Covariance,
 }
 
+impl WeightKind {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Uniform => "uniform",
+            Self::Covariance => "covariance",
+        }
+    }
+}
+
 /// What is known of the prescribed displacements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum CaseBoundaryNoise {
+pub enum BoundaryNoise {
     /// Noisy, and prescribed as they are.
     #[default]
     Measured,
@@ -256,6 +267,16 @@ pub enum CaseBoundaryNoise {
     Estimated,
     /// Without noise.
     Exact,
+}
+
+impl fmt::Display for BoundaryNoise {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Measured => "measured",
+            Self::Estimated => "estimated",
+            Self::Exact => "exact",
+        })
+    }
 }
 
 /// One of several tests that are fitted together.
@@ -308,10 +329,10 @@ pub struct CaseFit {
     #[serde(default, skip_serializing_if = "is_default")]
     pub laws: Vec<String>,
     /// Effect of the element size on the 95 % intervals. Default: `included` for a store, `stated` for a table.
-    pub discretisation: Option<CaseDiscretisation>,
+    pub discretisation: Option<Discretisation>,
     /// What the 95 % intervals are made of.
     #[schemars(extend("default" = "auto"))]
-    pub intervals: Option<CaseIntervals>,
+    pub intervals: Option<Intervals>,
     /// Draws of the bootstrap that goes with profile intervals, up to 10000; 0 for none.
     #[schemars(with = "Option<BootstrapKey>", extend("default" = "auto"))]
     pub bootstrap: Option<CaseBootstrap>,
@@ -338,7 +359,7 @@ pub struct CaseFit {
 /// The effect of the element size on the 95 % intervals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum CaseDiscretisation {
+pub enum Discretisation {
     /// In the intervals.
     Included,
     /// Beside them.
@@ -347,10 +368,21 @@ pub enum CaseDiscretisation {
     Off,
 }
 
+impl Discretisation {
+    /// Its name in case files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Included => "included",
+            Self::Stated => "stated",
+            Self::Off => "off",
+        }
+    }
+}
+
 /// What the 95 % intervals are made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum CaseIntervals {
+pub enum Intervals {
     /// The profile likelihood where linear theory is in doubt.
     #[default]
     Auto,

@@ -31,7 +31,7 @@ pub struct CaseMaterial {
     pub model: Option<String>,
     /// What happens out of the plane. Default of `[substrate.NAME]`: that of `[substrate]`.
     #[schemars(extend("default" = "stress"))]
-    pub plane: Option<CasePlane>,
+    pub plane: Option<PlaneState>,
     /// Constants without uncertainty: `true` for all of the section, or a list of symbols.
     #[schemars(extend("default" = false))]
     pub exact: Option<CaseExact>,
@@ -52,10 +52,10 @@ pub struct CaseCohesive {
     pub model: Option<String>,
     /// What counts as jump between faces that are a distance apart, and whether rotations are small.
     #[schemars(extend("default" = "paper"))]
-    pub kinematics: Option<CaseKinematics>,
+    pub kinematics: Option<Kinematics>,
     /// Where the tractions of an interface element are summed.
     #[schemars(extend("default" = "newton-cotes"))]
-    pub quadrature: Option<CaseQuadrature>,
+    pub quadrature: Option<Quadrature>,
     /// Constants without uncertainty: `true` for all of the section, or a list of symbols.
     #[schemars(extend("default" = false))]
     pub exact: Option<CaseExact>,
@@ -66,19 +66,30 @@ pub struct CaseCohesive {
 
 /// What happens out of the plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum CasePlane {
+pub enum PlaneState {
     /// No stress out of the plane: thin strips, free surfaces.
     #[default]
-    Stress,
+    #[serde(rename = "stress")]
+    PlaneStress,
     /// No strain out of the plane: the middle of thick strips.
-    Strain,
+    #[serde(rename = "strain")]
+    PlaneStrain,
+}
+
+impl PlaneState {
+    /// Its name in case files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::PlaneStress => "stress",
+            Self::PlaneStrain => "strain",
+        }
+    }
 }
 
 /// What counts as jump between faces that are a distance apart, and whether rotations are small.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum CaseKinematics {
+pub enum Kinematics {
     /// Upper minus lower displacement: a rotation `w` of the joint gives `-w t` of sliding, t the distance of the faces.
     #[default]
     Paper,
@@ -88,15 +99,41 @@ pub enum CaseKinematics {
     Finite,
 }
 
+impl Kinematics {
+    /// Its name in case files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Objective => "objective",
+            Self::Finite => "finite",
+        }
+    }
+
+    /// Whether rotations are taken as infinitesimal.
+    pub fn is_small(self) -> bool {
+        self != Self::Finite
+    }
+}
+
 /// Where the tractions of an interface element are summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum CaseQuadrature {
+pub enum Quadrature {
     /// At its two ends: every node pair for itself.
     #[default]
     NewtonCotes,
     /// At the two Gauss points.
     Gauss,
+}
+
+impl Quadrature {
+    /// Its name in case files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NewtonCotes => "newton-cotes",
+            Self::Gauss => "gauss",
+        }
+    }
 }
 
 /// Which constants of a section have no uncertainty.

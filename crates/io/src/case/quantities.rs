@@ -37,35 +37,43 @@ impl CaseQuantities {
 
 /// How quantities are drawn.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(next_help_heading = "Quantities"))]
 #[serde(deny_unknown_fields)]
 pub struct CaseQuantityOptions {
-    /// The rigid motion that is subtracted first. Without it none is.
-    #[schemars(extend("x-flag" = "--remove-rigid"))]
+    /// The rigid motion that is subtracted first: of all nodes together, or of each zone. Without it none is.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "all|zone"))]
     pub remove_rigid: Option<RemoveRigid>,
 }
 
 /// What other instruments recorded.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(next_help_heading = "Input"))]
 #[serde(deny_unknown_fields)]
 pub struct CaseLoad {
     /// The load file: CSV with names and units in its header (or units in its second line) and a row for each image, or with a
     /// column `frame`, or with a column of times (docs/quantities.md).
-    #[schemars(extend("x-flag" = "--load"))]
+    #[serde(skip_serializing_if = "is_default")]
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub file: String,
-    /// The column of the file that says when its rows were taken: rows are then joined with the frames by time, interpolated.
-    #[schemars(extend("x-flag" = "--load-time"))]
+    /// The column of the load file that says when its rows were taken: rows are then joined with the frames by time,
+    /// interpolated. Needs the times of the frames.
+    #[cfg_attr(feature = "cli", arg(long = "load-time", value_name = "COLUMN"))]
     pub time: Option<String>,
     /// Time between two frames, s: frame n was taken n times that after the reference.
-    #[schemars(extend("x-flag" = "--frame-interval"))]
+    #[cfg_attr(
+        feature = "cli",
+        arg(long = "frame-interval", value_name = "S", allow_negative_numbers = true, conflicts_with = "frame_times")
+    )]
     pub frame_interval_s: Option<f64>,
-    /// A file with the times of the frames instead: a row per image, with a column `time`.
-    #[schemars(extend("x-flag" = "--frame-times"))]
+    /// A file with the times of the frames instead: CSV, a row per image, with a column `time`, as cameras write it.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     pub frame_times: Option<String>,
-    /// Time of the reference in the load file, s; with `frame_times` what is added to these.
-    #[schemars(extend("default" = 0, "x-flag" = "--load-start"))]
+    /// Time of the reference in the load file, s; where the times of the frames come from a file, what is added to them.
+    #[schemars(extend("default" = 0))]
+    #[cfg_attr(feature = "cli", arg(long = "load-start", value_name = "S", allow_negative_numbers = true))]
     pub start_s: Option<f64>,
     /// Area of the cross-section, mm2: adds a column `stress_MPa`, the force over it.
-    #[schemars(extend("x-flag" = "--area"))]
+    #[cfg_attr(feature = "cli", arg(long = "area", value_name = "MM2", allow_negative_numbers = true))]
     pub area_mm2: Option<f64>,
 }
 
@@ -78,7 +86,6 @@ pub struct CaseProbe {
     pub name: Option<String>,
     /// Where, `[x, y]`, px of the reference image.
     #[serde(deserialize_with = "point")]
-    #[schemars(extend("x-flag" = "--point"))]
     pub point: [f64; 2],
 }
 
@@ -96,7 +103,6 @@ pub struct CaseLine {
     #[serde(deserialize_with = "point")]
     pub to: [f64; 2],
     /// Distance of its points, px; without, a quarter of the element size.
-    #[schemars(extend("x-flag" = "--step"))]
     pub step_px: Option<f64>,
 }
 
@@ -114,7 +120,7 @@ pub struct CaseExtensometer {
     #[serde(deserialize_with = "point")]
     pub to: [f64; 2],
     /// Length of the gauge lines across its ends, px; 0: points.
-    #[schemars(extend("default" = 0, "x-flag" = "--width"))]
+    #[schemars(extend("default" = 0))]
     pub width_px: Option<f64>,
 }
 
@@ -127,33 +133,90 @@ pub struct CaseOpening {
     pub name: Option<String>,
     /// The zone `+` and the zone `-`, by name: for a horizontal joint the upper one first.
     #[serde(deserialize_with = "two_names")]
-    #[schemars(extend("x-flag" = "--opening"))]
     pub zones: [String; 2],
 }
 
 /// A crack or joint along which the mesh is cut.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(next_help_heading = "Zones"))]
 #[serde(deny_unknown_fields)]
 pub struct CaseCrack {
     /// Its name; `crack1`, `crack2`, ... without.
     #[serde(default, deserialize_with = "name")]
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub name: Option<String>,
     /// Points along it in order, px of the reference image. An end inside a zone stays joined: a tip. Draw it some elements beyond the
     /// place that the tip reaches. Or `"auto"` (experimental): found from the residual of the last frames.
-    #[schemars(extend("x-flag" = "--crack"))]
+    #[serde(skip_serializing_if = "is_default")]
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub path: CrackPath,
     /// Pixels nearer to the path are not measured, px: the gap of the open crack is no specimen.
-    #[schemars(extend("default" = 3, "x-flag" = "--crack-guard"))]
+    #[schemars(extend("default" = 3))]
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            id = "crack.guard_px",
+            long = "crack-guard",
+            value_name = "PX",
+            allow_hyphen_values = true,
+            hide_short_help = true
+        )
+    )]
     pub guard_px: Option<f64>,
-    /// Young's modulus around the crack, MPa: with `nu` and the pixel size the stress intensity factors are found.
+    /// Young's modulus around the crack, MPa: with Poisson's ratio and the pixel size the stress intensity factors at the
+    /// tips are found, MPa sqrt(m).
     #[serde(rename = "E_MPa")]
-    #[schemars(extend("x-flag" = "--crack-young"))]
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            id = "crack.E_MPa",
+            long = "crack-young",
+            value_name = "MPA",
+            allow_hyphen_values = true,
+            hide_short_help = true
+        )
+    )]
     pub young_mpa: Option<f64>,
     /// Poisson's ratio around the crack.
     #[serde(rename = "nu")]
-    #[schemars(extend("x-flag" = "--crack-poisson"))]
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            id = "crack.nu",
+            long = "crack-poisson",
+            value_name = "NU",
+            allow_hyphen_values = true,
+            hide_short_help = true
+        )
+    )]
     pub poisson: Option<f64>,
     /// Outer radius of the domain of the interaction integral, px; without, the largest that fits, up to twelve elements.
-    #[schemars(extend("x-flag" = "--crack-radius"))]
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            id = "crack.radius_px",
+            long = "crack-radius",
+            value_name = "PX",
+            allow_hyphen_values = true,
+            hide_short_help = true
+        )
+    )]
     pub radius_px: Option<f64>,
+}
+
+/// Cracks as flags give them: several paths, and what holds for all of them.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(next_help_heading = "Zones"))]
+pub struct CrackFlags {
+    /// Cut the mesh along a crack or joint, px: points along it in order, separated by blanks. An end inside a zone stays joined, a
+    /// tip: draw it some elements further than the tip reaches. Writes opening, sliding and tips to DIR/quantities. Repeat it for
+    /// several cracks; 'auto' finds them in the residual of the last frames and says their paths. Replaces the cracks of the case file.
+    #[cfg_attr(
+        feature = "cli",
+        arg(id = "crack.path", long = "crack", value_name = "'x,y x,y ...'|auto", allow_hyphen_values = true)
+    )]
+    pub path: Vec<CrackPath>,
+    /// Guard, elasticity and domain.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub all: CaseCrack,
 }

@@ -4,6 +4,7 @@
 
 use super::document::{Reader, sections};
 use super::{Case, STD};
+use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
@@ -39,12 +40,18 @@ pub struct CaseLaws {
     pub substrate: Vec<LawKeys>,
 }
 
-/// The JSON schema (draft 2020-12) of case files. Beside the words of the standard, `x-commands` of a section names who takes it,
-/// and `x-flag` of a key the flag that says the same.
-pub fn case_schema(laws: &CaseLaws) -> Value {
+/// The JSON schema (draft 2020-12) of `T`, such as a section of a case.
+pub fn schema_of<T: JsonSchema>() -> Value {
     let settings = SchemaSettings::draft2020_12().with(|settings| settings.inline_subschemas = true);
-    let mut schema = settings.into_generator().into_root_schema_for::<Case>().to_value();
+    let mut schema = settings.into_generator().into_root_schema_for::<T>().to_value();
     tidy(&mut schema);
+    schema
+}
+
+/// The JSON schema of case files. Beside the words of the standard, `x-commands` of a section names who takes it. The program adds
+/// `x-flag` to a key: the flag that says the same.
+pub fn case_schema(laws: &CaseLaws) -> Value {
+    let mut schema = schema_of::<Case>();
     let of_group = with_laws(&mut schema["properties"]["substrate"], &laws.substrate);
     schema["properties"]["substrate"]["additionalProperties"] = of_group;
     with_laws(&mut schema["properties"]["cohesive"], &laws.cohesive);
@@ -138,9 +145,8 @@ completes and checks a case file that begins with\n\n\
 /// Length of a list of values, in bytes, above which the next key with the same values refers to it.
 const LONG: usize = 40;
 
-/// The reference of all keys as Markdown, made of [`case_schema`].
-pub fn case_reference(laws: &CaseLaws) -> String {
-    let schema = case_schema(laws);
+/// The reference of all keys as Markdown, made of what [`case_schema`] gives.
+pub fn case_reference(schema: &Value) -> String {
     let mut text = HEAD.to_owned();
     for name in sections() {
         let section = &schema["properties"][name];

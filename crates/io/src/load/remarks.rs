@@ -1,6 +1,6 @@
 //! What there is to say of a load file.
 
-use crate::io::case::CaseLoad;
+use crate::case::CaseLoad;
 use crate::remark::{About, Code, Remark};
 
 /// Frames that are named, at most.

@@ -9,7 +9,8 @@ use super::options::FitOptions;
 use super::profile_ends::ProfileEnds;
 use super::stage::no_texture;
 use super::statistics::{NORMAL_95, Statistics};
-use super::weights::{InverseCovariance, WeightKind, Weights};
+use super::weights::{InverseCovariance, Weights};
+use crate::io::case::WeightKind;
 use crate::mechanics::BoundaryHistory;
 use crate::mechanics::cohesive::CohesiveLaw;
 

@@ -3,8 +3,8 @@
 use super::constants::{Constant, ConstantEffect, ConstantKind, Source};
 use super::derived::{Derived, derived};
 use super::objective::Problem;
-use super::options::Discretisation;
 use super::statistics::{NORMAL_95, Statistics};
+use crate::io::case::Discretisation;
 use crate::linalg::Dense;
 
 /// Name of the line of the measurement's noise.

@@ -5,7 +5,7 @@ use super::load_cell::LoadCell;
 use super::noise::{Noise, Precision, even_texture};
 use super::objective::Problem;
 use super::observation::{Observation, ObservedInstant, largest_without_rigid_motion, without};
-use super::options::{Discretisation, FitOptions, Intervals};
+use super::options::FitOptions;
 use super::plausibility::implausible_joint;
 use super::remarks;
 use super::starts::latin_hypercube;
@@ -14,11 +14,10 @@ use super::trust_region::TrustRegionOptions;
 use super::uncertainties;
 use super::unknowns::{Unknown, Unknowns};
 use super::watch::FitWatch;
-use super::weights::WeightKind;
 use crate::field::NOISE_CONTRADICTED;
 use crate::io::case::{
-    CaseBootstrap, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseIntervals, CaseMeasurement, CaseNodes,
-    CasePathControl, CaseWeights,
+    BoundaryNoise, CaseBootstrap, CaseFit, CaseMeasurement, CaseNodes, CasePathControl, Discretisation, Intervals,
+    WeightKind,
 };
 use crate::io::joint::{JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunMatrix};
 use crate::io::run_case::RunCase;
@@ -44,8 +43,8 @@ pub struct Case<'a> {
     pub laws: Vec<String>,
     /// What is compared, for people.
     pub about: String,
-    /// What is known of the boundary: `measured`, `estimated` or `exact`.
-    pub boundary: &'static str,
+    /// What is known of the boundary.
+    pub boundary: BoundaryNoise,
     /// What is possible, but hardly meant.
     pub remarks: Vec<Remark>,
     /// Time after which the fit ends at the best point so far, s.
@@ -130,7 +129,7 @@ impl<'a> Case<'a> {
             found.push(remarks::shared_unused());
         }
         let unknowns = unknowns(&*joint.law, table)?;
-        if joint.law.has_own_minima() && table.intervals == Some(CaseIntervals::Linear) {
+        if joint.law.has_own_minima() && table.intervals == Some(Intervals::Linear) {
             found.push(remarks::own_minima(joint.law.name()));
         }
         let cell = match (&case.force, &input.force) {
@@ -142,10 +141,10 @@ impl<'a> Case<'a> {
         let weights = weight_kind(measurement, of_run, used)?;
         let boundary = boundary_noise(measurement, measured.is_some())?;
         check_boundary(input, boundary, weights)?;
+        let noisy = boundary != BoundaryNoise::Exact;
         if let Some(MeasurementInput::Run(run)) = measured {
             found.extend(run.warnings.iter().map(|warning| warning.clone().after("the correlation warned: ")));
         }
-        let noisy = boundary != "exact";
         let (mut observation, mut noise) = match measured {
             Some(measured) => {
                 let observation = observation(joint, input, measurement, measured, noisy, &mut found)?;
@@ -164,7 +163,7 @@ impl<'a> Case<'a> {
         }
         let options = FitOptions {
             weights,
-            estimate_boundary: boundary == "estimated",
+            estimate_boundary: boundary == BoundaryNoise::Estimated,
             starts: starts(&unknowns, table)?,
             region: TrustRegionOptions {
                 max_evaluations: table.max_evaluations.unwrap_or(TrustRegionOptions::default().max_evaluations),
@@ -176,7 +175,7 @@ impl<'a> Case<'a> {
             other_minima: true,
             rotations: uncertainties::rotations(table),
             discretisation: discretisation(table, of_run),
-            intervals: intervals(table),
+            intervals: table.intervals.unwrap_or_default(),
             bootstrap: bootstrap(table)?,
         };
         let (profile, sweep) = (profile_index(&unknowns, table)?, sweep_of(&unknowns, table)?);
@@ -206,46 +205,42 @@ impl<'a> Case<'a> {
 /// The weights that the case asks for; `of_run` says whether a run was measured, `used` whether the load cell takes
 /// part.
 fn weight_kind(measurement: &CaseMeasurement, of_run: bool, used: bool) -> Result<WeightKind, FitError> {
-    Ok(match measurement.weights {
-        Some(CaseWeights::Paper | CaseWeights::Uniform) if used => {
+    match measurement.weights {
+        Some(WeightKind::Paper | WeightKind::Uniform) if used => {
             let what = "weights: with [force] displacements and forces are weighed by their noise; give weights = \
                         \"covariance\", or [force] use = false";
-            return Err(wrong("measurement", "weights", what));
+            Err(wrong("measurement", "weights", what))
         }
-        None if of_run || used => WeightKind::Covariance,
-        None | Some(CaseWeights::Paper) => WeightKind::Paper,
-        Some(CaseWeights::Uniform) => WeightKind::Uniform,
-        Some(CaseWeights::Covariance) => WeightKind::Covariance,
-    })
+        None if of_run || used => Ok(WeightKind::Covariance),
+        asked => Ok(asked.unwrap_or(WeightKind::Paper)),
+    }
 }
 
-/// What the case says of the boundary: `measured`, `estimated` or `exact`.
-fn boundary_noise(measurement: &CaseMeasurement, is_measured: bool) -> Result<&'static str, FitError> {
-    Ok(match measurement.boundary.unwrap_or_default() {
-        _ if !is_measured && measurement.boundary.is_some_and(|noise| noise != CaseBoundaryNoise::Exact) => {
+/// What the case says of the boundary.
+fn boundary_noise(measurement: &CaseMeasurement, is_measured: bool) -> Result<BoundaryNoise, FitError> {
+    match measurement.boundary {
+        Some(BoundaryNoise::Measured | BoundaryNoise::Estimated) if !is_measured => {
             let what =
                 "boundary: without measured displacements the border is taken as it is; give boundary = \"exact\"";
-            return Err(wrong("measurement", "boundary", what));
+            Err(wrong("measurement", "boundary", what))
         }
-        _ if !is_measured => "exact",
-        CaseBoundaryNoise::Measured => "measured",
-        CaseBoundaryNoise::Estimated => "estimated",
-        CaseBoundaryNoise::Exact => "exact",
-    })
+        None if !is_measured => Ok(BoundaryNoise::Exact),
+        asked => Ok(asked.unwrap_or_default()),
+    }
 }
 
 /// Refuses a control of the path, supports and weights that do not go with a fit on such a boundary.
-fn check_boundary(input: &JointInput, boundary: &str, weights: WeightKind) -> Result<(), FitError> {
+fn check_boundary(input: &JointInput, boundary: BoundaryNoise, weights: WeightKind) -> Result<(), FitError> {
     if input.case.path.control == Some(CasePathControl::ArcLength) {
         let what = "control = \"arc-length\" is for quadrille simulate: a fit compares instants of the test";
         return Err(wrong("path", "control", what));
     }
-    if !input.drives.is_empty() && boundary != "exact" {
+    if !input.drives.is_empty() && boundary != BoundaryNoise::Exact {
         let what =
             "boundary = \"exact\" is needed with [[support]] and [[applied_load]], which are given and not measured";
         return Err(wrong("measurement", "boundary", what));
     }
-    if boundary == "estimated" && weights != WeightKind::Covariance {
+    if boundary == BoundaryNoise::Estimated && weights != WeightKind::Covariance {
         let what = "boundary = \"estimated\" needs weights = \"covariance\"";
         return Err(wrong("measurement", "boundary", what));
     }
@@ -253,20 +248,8 @@ fn check_boundary(input: &JointInput, boundary: &str, weights: WeightKind) -> Re
 }
 
 fn discretisation(table: &CaseFit, of_run: bool) -> Discretisation {
-    match table.discretisation {
-        None if of_run => Discretisation::Included,
-        None | Some(CaseDiscretisation::Stated) => Discretisation::Stated,
-        Some(CaseDiscretisation::Included) => Discretisation::Included,
-        Some(CaseDiscretisation::Off) => Discretisation::Off,
-    }
-}
-
-fn intervals(table: &CaseFit) -> Intervals {
-    match table.intervals.unwrap_or_default() {
-        CaseIntervals::Auto => Intervals::Auto,
-        CaseIntervals::Linear => Intervals::Linear,
-        CaseIntervals::Profile => Intervals::Profile,
-    }
+    let usual = if of_run { Discretisation::Included } else { Discretisation::Stated };
+    table.discretisation.unwrap_or(usual)
 }
 
 fn bootstrap(table: &CaseFit) -> Result<Option<usize>, FitError> {
@@ -314,7 +297,7 @@ fn sweep_of(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<(usize, Vec<f
 }
 
 /// What is compared, for people.
-fn describe(observation: &Observation, noise: &Noise, weights: WeightKind, boundary: &str) -> String {
+fn describe(observation: &Observation, noise: &Noise, weights: WeightKind, boundary: BoundaryNoise) -> String {
     let n_compared = observation.compared.iter().filter(|c| **c).count();
     let compared = match (n_compared, &observation.force) {
         (0, _) => String::new(),

@@ -4,9 +4,9 @@ use super::bootstrap::{Base, Bootstrap};
 use super::budget::{Budget, Parts, interval95};
 use super::derived::derived;
 use super::fitted::{FittedParameter, FittedQuantity};
-use super::options::Intervals;
 use super::profile_ends::ProfileEnds;
 use super::statistics::NORMAL_95;
+use crate::io::case::Intervals;
 
 /// Which intervals a fit has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

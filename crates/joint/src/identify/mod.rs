@@ -50,6 +50,7 @@ mod verdict;
 mod watch;
 mod weights;
 
+pub use crate::io::case::{Discretisation, Intervals, WeightKind};
 pub use averages::{Part, Spread, average, average_curve, share_of_interval, within_noise};
 pub use bands::{Band, CurveBand, bands, curve_bands};
 pub use bootstrap::Bootstrap;
@@ -74,7 +75,7 @@ pub use missing_mode::{MissingMode, Mode, opening_share};
 pub use noise::{Noise, Precision};
 pub use objective::{Evaluation, Problem};
 pub use observation::{Observation, ObservedInstant, largest_without_rigid_motion};
-pub use options::{Discretisation, FitOptions, Intervals, RotationCheck};
+pub use options::{FitOptions, RotationCheck};
 pub use plausibility::{implausible_joint, implausible_result};
 pub use profile::{Profile, profile};
 pub use released::{Released, ReleasedParameter};
@@ -92,4 +93,4 @@ pub use uncertainties::{
 pub use unknowns::{Scale, Unknown, Unknowns, WIDE};
 pub use verdict::{Grounds, LARGEST_CORRELATION, LARGEST_FAILED, LARGEST_NOISE_RATIO, LARGEST_STD, Outcome, Verdict};
 pub use watch::{Ended, FitProgress, FitWatch};
-pub use weights::{InverseCovariance, WeightKind, Weights};
+pub use weights::{InverseCovariance, Weights};

@@ -2,7 +2,7 @@
 
 use super::constants::Constant;
 use super::trust_region::TrustRegionOptions;
-use super::weights::WeightKind;
+use crate::io::case::{Discretisation, Intervals, WeightKind};
 
 /// What becomes of rotations that a model takes as small.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,40 +64,6 @@ impl Default for FitOptions {
             release: true,
             other_minima: true,
             rotations: RotationCheck::Judged,
-        }
-    }
-}
-
-/// Which intervals are wanted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Intervals {
-    /// Of the profile likelihood where linear theory is in doubt, else linear.
-    #[default]
-    Auto,
-    /// Linear, whatever they are worth.
-    Linear,
-    /// Of the profile likelihood, with the bias of a bootstrap.
-    Profile,
-}
-
-/// What becomes of the effect of the element size.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Discretisation {
-    /// It is not computed.
-    Off,
-    /// It is stated beside the result.
-    Stated,
-    /// It is stated and taken into the 95 % intervals as one more standard uncertainty.
-    Included,
-}
-
-impl Discretisation {
-    /// Its name in case files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Off => "off",
-            Self::Stated => "stated",
-            Self::Included => "included",
         }
     }
 }

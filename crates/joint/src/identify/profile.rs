@@ -3,8 +3,9 @@
 use super::error::{FitError, wrong};
 use super::fit::{Fit, fit};
 use super::objective::Problem;
-use super::options::{Discretisation, FitOptions, Intervals};
+use super::options::FitOptions;
 use super::statistics::NORMAL_95;
+use crate::io::case::{Discretisation, Intervals};
 use rayon::prelude::*;
 
 /// The profile of one parameter.

@@ -4,7 +4,8 @@ use super::FitError;
 use super::constants::ConstantKind;
 use super::fit::{Fit, fit};
 use super::objective::Problem;
-use super::options::{FitOptions, Intervals};
+use super::options::FitOptions;
+use crate::io::case::Intervals;
 use rayon::prelude::*;
 
 /// The fit at one prescribed value.

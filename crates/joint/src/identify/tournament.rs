@@ -15,12 +15,12 @@ use super::fit::{Fit, fit};
 use super::law_starts::started;
 use super::left_out::LeftOut;
 use super::objective::Problem;
-use super::options::{FitOptions, Intervals};
+use super::options::FitOptions;
 use super::remarks::own_minima;
 use super::statistics::NORMAL_95;
 use super::trust_region::{FitStatus, TrustRegionOptions};
 use super::unknowns::Unknowns;
-use super::weights::WeightKind;
+use crate::io::case::{Intervals, WeightKind};
 use crate::mechanics::cohesive::{CohesiveLaw, LAW_NAMES, Parameter, parameters_by_name};
 use rayon::prelude::*;
 

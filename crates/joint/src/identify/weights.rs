@@ -4,28 +4,6 @@ use super::noise::{Noise, Precision};
 use crate::linalg::{Dense, DenseCholesky, NotPositiveDefinite};
 use rayon::prelude::*;
 
-/// Which weights.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum WeightKind {
-    /// Those of the paper: `1/Wx_i^2`, `1/Wy_i^2` (THEORY 6).
-    Paper,
-    /// One for all.
-    Uniform,
-    /// The inverse covariance of the residual (THEORY 7).
-    Covariance,
-}
-
-impl WeightKind {
-    /// Its name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Paper => "paper",
-            Self::Uniform => "uniform",
-            Self::Covariance => "covariance",
-        }
-    }
-}
-
 /// The weights `W`, symmetric.
 #[derive(Debug)]
 pub enum Weights {

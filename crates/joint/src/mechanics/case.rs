@@ -16,8 +16,7 @@ use super::substrate::{
 };
 use crate::field::RigidMotion;
 use crate::io::case::{
-    CaseCohesive, CaseKinematics, CaseLaws, CaseMaterial, CasePlane, CaseQuadrature, CaseRigidMotion, CaseSubstrate,
-    EXACT, LawKey, LawKeys, STD,
+    CaseCohesive, CaseLaws, CaseMaterial, CaseRigidMotion, CaseSubstrate, EXACT, LawKey, LawKeys, STD,
 };
 use crate::io::joint::{BoundaryInput, BoundaryTable, JointInput, JointMeshFile, JointRun, MeshInput};
 use crate::remark::Remark;
@@ -316,34 +315,6 @@ fn values(
     keys.iter().map(value).collect()
 }
 
-impl From<CaseKinematics> for Kinematics {
-    fn from(kinematics: CaseKinematics) -> Self {
-        match kinematics {
-            CaseKinematics::Paper => Self::Paper,
-            CaseKinematics::Objective => Self::Objective,
-            CaseKinematics::Finite => Self::Finite,
-        }
-    }
-}
-
-impl From<CaseQuadrature> for Quadrature {
-    fn from(quadrature: CaseQuadrature) -> Self {
-        match quadrature {
-            CaseQuadrature::NewtonCotes => Self::NewtonCotes,
-            CaseQuadrature::Gauss => Self::Gauss,
-        }
-    }
-}
-
-impl From<CasePlane> for PlaneState {
-    fn from(plane: CasePlane) -> Self {
-        match plane {
-            CasePlane::Stress => Self::PlaneStress,
-            CasePlane::Strain => Self::PlaneStrain,
-        }
-    }
-}
-
 /// The law of the section `[cohesive]`, and how the interface is modelled.
 ///
 /// # Errors
@@ -376,7 +347,7 @@ pub fn materials_of_case(
             let section = of_group.map_or_else(|| "substrate".to_owned(), |_| format!("substrate.{group}"));
             let CaseMaterial { model, plane, values: given, curve, file, exact: _ } = of_group.unwrap_or(common);
             let model = model.as_deref().unwrap_or(RambergOsgood::NAME);
-            let plane = PlaneState::from(plane.or(common.plane).unwrap_or_default());
+            let plane = plane.or(common.plane).unwrap_or_default();
             let parameters = substrate_parameters(model, plane)?;
             if model != Tabulated::NAME {
                 if let Some(key) = curve.as_ref().map(|_| "curve").or(file.as_ref().map(|_| "file")) {

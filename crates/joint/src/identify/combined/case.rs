@@ -57,7 +57,7 @@ impl<'a> CombinedCase<'a> {
         if input.fit.profile.is_some() {
             return refused("profile", ALONE[0].into());
         }
-        if input.fit.intervals == Some(crate::io::case::CaseIntervals::Profile) {
+        if input.fit.intervals == Some(crate::io::case::Intervals::Profile) {
             return refused("intervals", ALONE[1].into());
         }
         if !input.fit.laws.is_empty() {

@@ -6,7 +6,7 @@ use super::super::fit::{CutShort, Fit, compare, correlation_of, describe, unfini
 use super::super::misfit::Misfit;
 use super::super::missing_mode::MissingMode;
 use super::super::objective::{Evaluation, Problem};
-use super::super::options::{Discretisation, RotationCheck};
+use super::super::options::RotationCheck;
 use super::super::plausibility::implausible_result;
 use super::super::released::Released;
 use super::super::rotations::Rotations;
@@ -22,6 +22,7 @@ use super::released::released;
 use super::search::{Found, Searched, search};
 use super::share::{TestShare, shares};
 use super::verdict::{OfTests, verdict};
+use crate::io::case::Discretisation;
 
 /// One test in a fit of several.
 #[derive(Debug)]

@@ -6,10 +6,10 @@ use super::super::constants::{Constant, ConstantEffect, Source};
 use super::super::discretisation::{Refined, Refinement};
 use super::super::fitted::{Fitted, FittedParameter, FittedQuantity, assess};
 use super::super::intervals::{IntervalBasis, doubts, settle};
-use super::super::options::{Discretisation, Intervals};
 use super::known::Known;
 use super::search::{Searched, TestWeights};
 use super::sources::{CombinedConstant, Contribution, effects};
+use crate::io::case::{Discretisation, Intervals};
 use crate::linalg::Dense;
 
 /// Parameters with all that is known of them.

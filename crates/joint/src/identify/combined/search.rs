@@ -6,7 +6,8 @@ use super::super::options::FitOptions;
 use super::super::stage::{COARSE, Stage, distance, full_weights, no_texture};
 use super::super::trust_region::{End, FitStatus, Local, TrustRegionOptions, minimise_unless};
 use super::super::unknowns::Unknowns;
-use super::super::weights::{InverseCovariance, WeightKind, Weights};
+use super::super::weights::{InverseCovariance, Weights};
+use crate::io::case::WeightKind;
 use crate::linalg::Dense;
 use rayon::prelude::*;
 

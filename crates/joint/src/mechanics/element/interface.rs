@@ -1,58 +1,10 @@
 //! Four-node interface elements of finite thickness (THEORY 4).
 
 use super::{ElementStiffness, ElementVector};
+use crate::io::case::{Kinematics, Quadrature};
 use crate::mechanics::cohesive::{CohesiveLaw, CohesiveStiffness, Jump, Traction};
 use crate::mesh::GAUSS;
 use nalgebra::{Matrix2, SMatrix, Vector2};
-
-/// Where the traction is evaluated along an element.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Quadrature {
-    /// At its two ends: every node pair for itself.
-    #[default]
-    NewtonCotes,
-    /// At the two Gauss points.
-    Gauss,
-}
-
-impl Quadrature {
-    /// Its name in case files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::NewtonCotes => "newton-cotes",
-            Self::Gauss => "gauss",
-        }
-    }
-}
-
-/// What counts as jump between faces that are a distance apart.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Kinematics {
-    /// Upper minus lower displacement, as in the paper: a rotation `w` of the joint gives `-w t` of sliding.
-    #[default]
-    Paper,
-    /// Less what the rotation of the mid-line contributes: an infinitesimal rotation of the joint gives nothing.
-    Objective,
-    /// Strips and joint turn by any angle: Green-Lagrange strain, and the jump in the axes of the mid-line where it is now
-    /// (THEORY 14).
-    Finite,
-}
-
-impl Kinematics {
-    /// Its name in case files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Paper => "paper",
-            Self::Objective => "objective",
-            Self::Finite => "finite",
-        }
-    }
-
-    /// Whether rotations are taken as infinitesimal.
-    pub fn is_small(self) -> bool {
-        self != Self::Finite
-    }
-}
 
 /// One point of an element: jump (normal, tangential) = `b u` where rotations are small.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,7 +3,8 @@
 mod interface;
 mod q4;
 
-pub use interface::{Interface, InterfacePoint, Kinematics, Quadrature};
+pub use crate::io::case::{Kinematics, Quadrature};
+pub use interface::{Interface, InterfacePoint};
 pub use q4::{Q4, Q4Point};
 
 use nalgebra::{SMatrix, SVector};

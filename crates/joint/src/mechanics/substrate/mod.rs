@@ -9,6 +9,7 @@ mod ramberg_osgood;
 mod strain;
 mod tabulated;
 
+pub use crate::io::case::PlaneState;
 pub use linear_elastic::LinearElastic;
 pub use orthotropic::Orthotropic;
 pub use ramberg_osgood::RambergOsgood;
@@ -52,26 +53,6 @@ pub struct SubstrateEnergy {
     pub elastic: f64,
     /// Work on the plastic strain; of a holonomic law it is stored as well.
     pub plastic: f64,
-}
-
-/// What happens out of the plane.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum PlaneState {
-    /// No stress out of the plane: thin strips, free surfaces.
-    #[default]
-    PlaneStress,
-    /// No strain out of the plane: the middle of thick strips.
-    PlaneStrain,
-}
-
-impl PlaneState {
-    /// Its name in case files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::PlaneStress => "stress",
-            Self::PlaneStrain => "strain",
-        }
-    }
 }
 
 /// A holonomic law of the substrate: a function of the strain alone (THEORY 3).
