@@ -228,6 +228,7 @@ fn advice(some_are_left: bool) -> &'static str {
 }
 
 fn first_few(faults: &[TextureFault]) -> String {
+    /// Faults that a message names; the others it counts.
     const SHOWN: usize = 3;
     let mut text: Vec<String> = faults.iter().take(SHOWN).map(ToString::to_string).collect();
     if faults.len() > SHOWN {

@@ -48,6 +48,7 @@ pub(super) fn filled(mesh: &Mesh<Px>, displacement: &[[f64; 2]], mut known: Vec<
         let mut beyond: Vec<[f64; 2]> = vec![[0.0; 2]; nodes.len()];
         nodes.clone().filter(|&node| known[node]).for_each(|node| beyond[node - nodes.start] = rest(node, all[node]));
         let mut reached: Vec<bool> = nodes.clone().map(|node| known[node]).collect();
+        /// Sweeps of Gauss and Seidel, which carry a value about as many elements far.
         const SWEEPS: usize = 60;
         for _ in 0..SWEEPS {
             for &node in &unknown {

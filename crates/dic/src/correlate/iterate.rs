@@ -59,6 +59,7 @@ impl Turn {
     /// Of a displacement of the nodes, the mean over the zones by their nodes. Below 8 degrees none: it would save a
     /// fraction of an iteration.
     pub fn of(mesh: &Mesh<Px>, displacement: &[[f64; 2]]) -> Self {
+        /// Radians.
         const LEAST: f64 = 8.0 / 180.0 * std::f64::consts::PI;
         let (mut cos, mut sin) = (0.0, 0.0);
         for zone in 0..mesh.zones().len() {

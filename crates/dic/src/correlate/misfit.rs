@@ -340,6 +340,7 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
         let grey = if spread_grey > 0.0 { (one.grey - mean_grey) / spread_grey } else { 0.0 };
         [1.0, grey, one.x / mean_x]
     };
+    /// Fits under weights that the fit before gives; nothing tests that they have settled.
     const ROUNDS: usize = 5;
     // Variance of the noise as the round before has it, and as the fine structure allows: at first all of the residual may be misfit.
     let fine = stated.map_or(fine, |stated| stated.min(fine));

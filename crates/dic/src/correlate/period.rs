@@ -186,6 +186,7 @@ fn transform(values: &mut [Complex32], side: usize, fft: &Arc<dyn Fft<f32>>) {
 
 /// The transpose of a square in place, tile by tile: a column of a power of two of rows has one place in a small cache.
 fn transpose(values: &mut [Complex32], side: usize) {
+    /// Side of a tile, numbers of 8 bytes: a row of it is a line of the cache.
     const TILE: usize = 8;
     for v in (0..side).step_by(TILE) {
         for u in (0..=v).step_by(TILE) {

@@ -273,6 +273,7 @@ fn transform(values: &mut [Complex32], fft: &Arc<dyn Fft<f32>>) {
 /// The affine motion that the most tiles agree on (random sampling with fixed seeds, Fischler & Bolles
 /// 1981), refined by least squares on those; `None` when too few agree.
 fn agreed_motion(matches: &[Match]) -> Option<Affine> {
+    /// Draws of three tiles: where three tenths agree, all draws miss them in one of 50 000 searches.
     const TRIALS: usize = 400;
     let mut best: Vec<usize> = Vec::new();
     let mut state = 0x2545_F491_4F6C_DD1Du64;

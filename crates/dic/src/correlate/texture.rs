@@ -140,6 +140,7 @@ pub(super) fn undetermined(
 /// The nodes to blame when the matrix has no factor although none is uncertain by the noise (images
 /// without noise): those far less determined than most, at least the least determined one.
 pub(super) fn least_determined(mesh: &Mesh<Px>, inverse_variance: &[[f64; 2]], keep: &[bool]) -> Vec<TextureFault> {
+    /// Variance by the median one, from which on a node is far less determined: a hundred times in displacement.
     const FAR: f64 = 1e4;
     let mut kept: Vec<(f64, usize)> =
         (0..mesh.n_nodes()).filter(|&node| keep[node]).map(|node| (larger(inverse_variance[node]), node)).collect();
