@@ -47,7 +47,11 @@ const HOMES: [Home; 7] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
     Home { what: "the crate image", named_by: |s, at| s.names_crate(at, "image"), places: &["io/", "report/"] },
     Home { what: "the crate wgpu", named_by: |s, at| s.names_crate(at, "wgpu"), places: &["backend/gpu/"] },
-    Home { what: "the crate clap", named_by: |s, at| s.names_crate(at, "clap"), places: &["cli/", "io/case", "run/request.rs"] },
+    Home {
+        what: "the crate clap",
+        named_by: |s, at| s.names_crate(at, "clap"),
+        places: &["cli/", "io/case", "run/request.rs"],
+    },
     Home { what: "the crate resvg", named_by: |s, at| s.names_crate(at, "resvg"), places: &["report/picture.rs"] },
     Home { what: "printing", named_by: Source::prints, places: &["cli/"] },
     Home { what: "opening files", named_by: Source::opens_files, places: &["io/", "report/", "run/", "cli/"] },

@@ -9,6 +9,7 @@ use toml::{Table, Value};
 /// `section` with what `flags` say over it. A switch that is off says nothing.
 ///
 /// ```
+/// # use quadrille_io as quadrille;
 /// use quadrille::io::case::{CaseImages, over};
 /// let file = CaseImages { page: Some(1), pixel_size_mm: Some(0.1), ..CaseImages::default() };
 /// let flags = CaseImages { page: Some(2), ..CaseImages::default() };
