@@ -1,6 +1,6 @@
 //! Case files: what to correlate, what joint it is, what to find, as TOML. One kind of file for every command.
 //!
-//! [`CaseDocument`] is a file as it was read: the typed tree [`Case`] with every section, and its text. A command takes its view
+//! [`CaseDocument`] is a file as it was read: the typed tree [`CaseFile`] with every section, and its text. A command takes its view
 //! of it, which refuses sections of others: [`CaseDocument::correlation`], [`CaseDocument::joint`], [`CaseDocument::run`].
 
 mod crack_path;
@@ -46,9 +46,20 @@ use std::path::PathBuf;
 
 /// Every section that a case file may have; what it does not say is `None` or empty, and left to the command line and the
 /// defaults.
+///
+/// ```
+/// use quadrille::io::case::parse_case;
+/// let case = parse_case("images.deformed = 'shots/*.tif'\n[[zone]]\nroi = [10, 10, 90, 90]", "a/case.toml".as_ref())?;
+/// assert_eq!(case.images.deformed, Some(vec!["shots/*.tif".to_owned()]));
+/// assert_eq!(case.base, std::path::Path::new("a"));
+/// # Ok::<(), quadrille::io::case::CaseError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Case {
+pub struct CaseFile {
+    /// Folder of the case file: relative names in it are relative to this. Not written.
+    #[serde(skip)]
+    pub base: PathBuf,
     /// Which images.
     #[serde(default, skip_serializing_if = "is_default")]
     pub images: CaseImages,
@@ -126,45 +137,6 @@ pub struct Case {
     pub fit: Option<CaseFit>,
     /// Record of a finished run; read over.
     #[schemars(with = "Option<serde_json::Map<String, serde_json::Value>>")]
-    pub run: Option<toml::Table>,
-}
-
-/// The sections of a correlation.
-///
-/// ```
-/// use quadrille::io::case::parse_case;
-/// let case = parse_case("images.deformed = 'shots/*.tif'\n[[zone]]\nroi = [10, 10, 90, 90]", "a/case.toml".as_ref())?;
-/// assert_eq!(case.images.deformed, Some(vec!["shots/*.tif".to_owned()]));
-/// assert_eq!(case.base, std::path::Path::new("a"));
-/// # Ok::<(), quadrille::io::case::CaseError>(())
-/// ```
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct CaseFile {
-    /// Folder of the case file: relative names in it are relative to this. Not written.
-    pub base: PathBuf,
-    /// The section `[images]`.
-    pub images: CaseImages,
-    /// The section `[correlation]`.
-    pub correlation: CaseCorrelation,
-    /// The sections `[[zone]]`, in order.
-    pub zones: Vec<CaseZone>,
-    /// The section `[quantities]`.
-    pub quantities: CaseQuantityOptions,
-    /// The section `[load]`.
-    pub load: Option<CaseLoad>,
-    /// The sections `[[probe]]`, in order.
-    pub probes: Vec<CaseProbe>,
-    /// The sections `[[line]]`, in order.
-    pub lines: Vec<CaseLine>,
-    /// The sections `[[extensometer]]`, in order.
-    pub extensometers: Vec<CaseExtensometer>,
-    /// The sections `[[opening]]`, in order.
-    pub openings: Vec<CaseOpening>,
-    /// The section `[report]`.
-    pub report: CaseReport,
-    /// The sections `[[crack]]`, in order.
-    pub cracks: Vec<CaseCrack>,
-    /// The section `[run]`: how a finished run came about.
     pub run: Option<toml::Table>,
 }
 

@@ -4,7 +4,7 @@
 //! [`super::joint::JointCase`]) with [`CaseInterface`] in place of mesh and border, which come from the images.
 
 use super::case::{
-    Case, CaseDocument, CaseError, CaseFile, CaseForce, CaseJointMesh, CaseLoad, CaseText, Reader, read_document,
+    CaseDocument, CaseError, CaseFile, CaseForce, CaseJointMesh, CaseLoad, CaseText, Reader, read_document,
 };
 use super::joint::{LAW, read_curves};
 use facing::{Faces, face_each_other};
@@ -26,7 +26,7 @@ pub struct RunCase {
     /// The section `[interface]`.
     pub interface: CaseInterface,
     /// The other sections of the joint, as they stand in the file.
-    pub joint: Case,
+    pub joint: CaseFile,
     /// The text of the file.
     pub text: CaseText,
     /// Thickness of the adhesive: the gap between the facing edges of the zones, mm.
@@ -78,12 +78,13 @@ impl CaseDocument {
     pub fn run(self) -> Result<RunCase, RunCaseError> {
         self.taken_by(Reader::Run)?;
         let text = &self.text.clone();
-        let (mut correlation, mut joint) = self.into_correlation();
+        let mut correlation = self.part(Reader::Correlation)?;
+        let mut joint = self.part(Reader::Joint)?;
         let wrong = |what: String| RunCaseError::Wrong { path: text.path().to_owned(), what };
         let refused = |section, key, what: String| text.refuse(section, Some(key), format!("[{section}] {what}"));
         let missing = |section, hint| CaseError::Missing { path: text.path().to_owned(), section, hint };
         let names = "give zones = [\"lower\", \"upper\"], the names of two [[zone]]";
-        let interface = joint.interface.take().ok_or_else(|| missing("interface", names))?;
+        let interface = self.case.interface.ok_or_else(|| missing("interface", names))?;
         // The case of the joint is written into another folder: it holds the curves themselves.
         let base = correlation.base.clone();
         let substrate = joint.substrate.as_mut().ok_or_else(|| missing("substrate", LAW))?;

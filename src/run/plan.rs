@@ -1,4 +1,4 @@
-//! From a case and what overlays it to one resolved plan.
+//! From a case and the request over it to one plan: every choice made.
 
 use super::error::Result;
 use super::request::{Export, Request};

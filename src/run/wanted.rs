@@ -1,4 +1,4 @@
-//! Zones and cracks that overlay and case file ask for together.
+//! Zones and cracks that a request and a case file ask for together.
 
 use super::error::Result;
 use super::text::absolute;

@@ -3,7 +3,7 @@
 use crate::common::schema;
 use quadrille::correlate::Options;
 use quadrille::field::{StrainDefinition, UpdateReference};
-use quadrille::io::case::{Case, CaseDocument, CaseFile, case_reference, case_schema};
+use quadrille::io::case::{CaseDocument, CaseFile, case_reference, case_schema};
 use quadrille::io::images::Accepted;
 use quadrille::io::run_case::parse_run_case;
 use quadrille::mechanics::case_laws;
@@ -160,8 +160,8 @@ fn whatever_is_accepted_is_read_whole() {
         assert!(faults.is_empty(), "seed {seed}: {faults:?}\n{text}");
         let Ok(case) = parse_run_case(&text, path) else { continue };
         run += 1;
-        let mut typed = leaves(&Case::from(case.correlation).to_toml().parse().unwrap());
-        let joint = Case { interface: Some(case.interface), ..case.joint };
+        let mut typed = leaves(&case.correlation.to_toml().parse().unwrap());
+        let joint = CaseFile { interface: Some(case.interface), ..case.joint };
         typed.extend(leaves(&joint.to_toml().parse().unwrap()));
         // The zones are made to meet the adhesive.
         let plain = plain.into_iter().filter(|(key, _)| !key.starts_with("zone")).collect();

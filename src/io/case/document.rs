@@ -1,10 +1,11 @@
 //! A case file as it was read, and what each command takes of it.
 
 use super::explain::{explained, heading};
-use super::{Case, CaseError, CaseFile, CaseText};
+use super::{CaseError, CaseFile, CaseText};
 use serde::Deserialize;
 use std::io::ErrorKind;
 use std::path::Path;
+use toml::Spanned;
 use toml::de::{DeTable, Deserializer};
 
 /// Who takes which sections.
@@ -101,7 +102,7 @@ pub(super) fn sections() -> impl Iterator<Item = &'static str> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct CaseDocument {
     /// All that it says.
-    pub case: Case,
+    pub case: CaseFile,
     /// Its text.
     pub text: CaseText,
     /// Its sections, in the order of their names.
@@ -114,11 +115,9 @@ impl CaseDocument {
     /// # Errors
     /// No TOML, a key that no section has, a value of the wrong kind.
     pub fn parse(text: &str, path: &Path) -> Result<Self, CaseError> {
-        let wrong = |error: toml::de::Error| explained(&error, text, path);
-        let table = DeTable::parse(text).map_err(wrong)?;
+        let table = DeTable::parse(text).map_err(|error| explained(&error, text, path))?;
         let sections = table.get_ref().keys().map(|key| key.get_ref().to_string()).collect();
-        let case = Case::deserialize(Deserializer::from(table)).map_err(wrong)?;
-        Ok(Self { case, text: CaseText::new(path, text), sections })
+        Ok(Self { case: case_of(table, text, path)?, text: CaseText::new(path, text), sections })
     }
 
     /// The tables of a case file with the content `text`, as they stand in it.
@@ -158,112 +157,28 @@ impl CaseDocument {
     /// A section for another command.
     pub fn correlation(self) -> Result<CaseFile, CaseError> {
         self.taken_by(Reader::Correlation)?;
-        Ok(self.into_correlation().0)
+        Ok(self.case)
     }
 
-    /// The sections of the correlation, and those that are left.
-    pub(in crate::io) fn into_correlation(self) -> (CaseFile, Case) {
-        let base = self.text.path().parent().map(Path::to_owned).unwrap_or_default();
-        let Case {
-            images,
-            correlation,
-            zones,
-            quantities,
-            load,
-            probes,
-            lines,
-            extensometers,
-            openings,
-            report,
-            cracks,
-            run,
-            interface,
-            mesh,
-            groups,
-            boundary,
-            supports,
-            applied_loads,
-            path,
-            substrate,
-            cohesive,
-            tests,
-            output,
-            measurement,
-            force,
-            fit,
-        } = self.case;
-        let of_correlation = CaseFile {
-            base,
-            images,
-            correlation,
-            zones,
-            quantities,
-            load,
-            probes,
-            lines,
-            extensometers,
-            openings,
-            report,
-            cracks,
-            run,
-        };
-        let joint = Case {
-            interface,
-            mesh,
-            groups,
-            boundary,
-            supports,
-            applied_loads,
-            path,
-            substrate,
-            cohesive,
-            tests,
-            output,
-            measurement,
-            force,
-            fit,
-            ..Case::default()
-        };
-        (of_correlation, joint)
+    /// The case with those of its sections alone that `reader` takes.
+    ///
+    /// # Errors
+    /// Those of [`Self::parse`].
+    pub(in crate::io) fn part(&self, reader: Reader) -> Result<CaseFile, CaseError> {
+        let (text, path) = self.text.parts();
+        let table = DeTable::parse(text).map_err(|error| explained(&error, text, path))?;
+        let span = table.span();
+        let sections = table.into_inner().into_iter().filter(|(section, _)| reader.takes(section.get_ref()));
+        case_of(Spanned::new(span, sections.collect()), text, path)
     }
 }
 
-impl From<CaseFile> for Case {
-    fn from(case: CaseFile) -> Self {
-        let CaseFile {
-            base: _,
-            images,
-            correlation,
-            zones,
-            quantities,
-            load,
-            probes,
-            lines,
-            extensometers,
-            openings,
-            report,
-            cracks,
-            run,
-        } = case;
-        Self {
-            images,
-            correlation,
-            zones,
-            quantities,
-            load,
-            probes,
-            lines,
-            extensometers,
-            openings,
-            report,
-            cracks,
-            run,
-            ..Self::default()
-        }
-    }
+fn case_of(table: Spanned<DeTable<'_>>, text: &str, path: &Path) -> Result<CaseFile, CaseError> {
+    let case = CaseFile::deserialize(Deserializer::from(table)).map_err(|error| explained(&error, text, path))?;
+    Ok(CaseFile { base: path.parent().map(Path::to_owned).unwrap_or_default(), ..case })
 }
 
-impl Case {
+impl CaseFile {
     /// Its text as TOML. Reading it gives an equal case.
     #[expect(clippy::unreachable, reason = "every value has a form, as the comment says, and fuzz/ tries")]
     pub fn to_toml(&self) -> String {
@@ -308,6 +223,6 @@ pub fn parse_case(text: &str, path: &Path) -> Result<CaseFile, CaseError> {
 
 /// The text of a case file that says what `case` says. Reading it gives an equal case.
 pub fn write_case(case: &CaseFile) -> String {
-    let body = Case::from(case.clone()).to_toml();
+    let body = case.to_toml();
     format!("# Case file of quadrille. File names are relative to the folder of this file.\n{body}")
 }

@@ -1,9 +1,11 @@
 //! What is wrong with a case file, where, and in plain words.
 
+use super::CaseFile;
+use super::schema::schema_of;
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use thiserror::Error;
 use toml::de::{DeTable, DeValue};
 
@@ -90,6 +92,11 @@ impl CaseText {
         Self { path: path.to_owned(), text: text.into() }
     }
 
+    /// The text and its file.
+    pub(super) fn parts(&self) -> (&str, &Path) {
+        (&self.text, &self.path)
+    }
+
     /// The file.
     pub fn path(&self) -> &Path {
         &self.path
@@ -158,10 +165,11 @@ pub(super) fn explained(error: &toml::de::Error, text: &str, path: &Path) -> Cas
             format!("{what} {section}; {near}expected {expected}")
         }
         (Some(found), _) => {
-            let wrong = wrong.replace("[[..]]", &format!("[[{}]]", found.name)).replace(" in double brackets", "");
+            let is_list = found.above.is_empty() && is_list(&found.name);
+            let item = if is_list { "expected a section [[..]]" } else { "expected a section" };
+            let wrong = wrong.replace("expected a section", item).replace("[[..]]", &format!("[[{}]]", found.name));
             // A list of sections, written as one section.
-            let several =
-                found.above.is_empty() && LISTS.contains(&found.name.as_str()) && wrong.starts_with("is a section");
+            let several = is_list && wrong.starts_with("is a section");
             let write = match several {
                 true => format!("; there may be several: write [[{0}]] instead of [{0}]", found.name),
                 false => String::new(),
@@ -233,17 +241,8 @@ fn plain(message: &str) -> String {
         "f64" => "a number",
         "a boolean" => "true or false",
         "a string" | "string or table" => "a text in quotes",
-        "a sequence" => "sections in double brackets [[..]]",
+        "a sequence" => "sections [[..]]",
         "usize" | "u64" => "a whole number, 0 or larger",
-        "struct CaseZone"
-        | "struct CaseProbe"
-        | "struct CaseLine"
-        | "struct CaseExtensometer"
-        | "struct CaseOpening"
-        | "struct CaseCrack"
-        | "struct CaseSupport"
-        | "struct CaseAppliedLoad"
-        | "struct CaseTest" => "a section in double brackets [[..]]",
         "a map" => "a section",
         section if section.starts_with("struct Case") => "a section",
         other => other,
@@ -259,13 +258,20 @@ fn nearest<'a>(given: &str, expected: &'a str) -> Option<&'a str> {
     (distance <= 1 + given.chars().count() / 4 || strsim::jaro_winkler(given, key) > 0.85).then_some(key)
 }
 
-/// Sections that may be there several times.
-const LISTS: [&str; 9] =
-    ["zone", "probe", "line", "extensometer", "opening", "crack", "support", "applied_load", "test"];
+/// Whether the section may be there several times.
+fn is_list(section: &str) -> bool {
+    static LISTS: LazyLock<Vec<String>> = LazyLock::new(|| {
+        let schema = schema_of::<CaseFile>();
+        let sections = schema.get("properties").and_then(|sections| sections.as_object()).into_iter().flatten();
+        let lists = sections.filter(|(_, about)| about.get("type").is_some_and(|kind| kind == "array"));
+        lists.map(|(section, _)| section.clone()).collect()
+    });
+    LISTS.iter().any(|list| list == section)
+}
 
 /// The heading of a section in a case file: `[fit]`, `[[support]]`.
 pub fn heading(section: &str) -> String {
-    if LISTS.contains(&section) { format!("[[{section}]]") } else { format!("[{section}]") }
+    if is_list(section) { format!("[[{section}]]") } else { format!("[{section}]") }
 }
 
 /// A key of the file and the sections above it.

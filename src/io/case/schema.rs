@@ -3,7 +3,7 @@
 #![expect(clippy::indexing_slicing, reason = "the schema is made by the program of its own types; a test writes it")]
 
 use super::document::{Reader, sections};
-use super::{Case, STD};
+use super::{CaseFile, STD};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value, json};
@@ -51,7 +51,7 @@ pub fn schema_of<T: JsonSchema>() -> Value {
 /// The JSON schema of case files. Beside the words of the standard, `x-commands` of a section names who takes it. The program adds
 /// `x-flag` to a key: the flag that says the same.
 pub fn case_schema(laws: &CaseLaws) -> Value {
-    let mut schema = schema_of::<Case>();
+    let mut schema = schema_of::<CaseFile>();
     let of_group = with_laws(&mut schema["properties"]["substrate"], &laws.substrate);
     schema["properties"]["substrate"]["additionalProperties"] = of_group;
     with_laws(&mut schema["properties"]["cohesive"], &laws.cohesive);

@@ -51,7 +51,7 @@ impl CaseDocument {
         let Self { case, text, .. } = self;
         let missing = |section, hint| CaseError::Missing { path: text.path().to_owned(), section, hint };
         Ok(JointCase {
-            base: text.path().parent().map(Path::to_owned).unwrap_or_default(),
+            base: case.base,
             mesh: case
                 .mesh
                 .ok_or_else(|| missing("mesh", "give file = \"mesh.json\" or store = \"run/fields.zarr\""))?,

@@ -81,7 +81,7 @@ fn read_tests(document: CaseDocument) -> Result<TestsInput, JointFileError> {
         hint: "give parameters = [\"phi_n\", \"delta_n\", \"delta_t\", \"r\"], which all tests share",
     };
     let fit = case.fit.ok_or_else(missing)?;
-    let base = text.path().parent().map(Path::to_owned).unwrap_or_default();
+    let base = case.base;
     let (mut tests, mut notes): (Vec<TestInput>, Vec<String>) = (Vec::new(), Vec::new());
     for test in &case.tests {
         let name = name_of(test);
