@@ -162,7 +162,7 @@ fn kernel_costs(
             Kernel::Summary,
         ];
         add(&backend.profile(Some(timing)), &iteration);
-        pass.found()?;
+        pass.read_field()?;
         add(&backend.profile(None), &[Kernel::ResidualMap]);
     }
     let cost = |(kernel, (dispatches, seconds)): (Kernel, (usize, Vec<f64>))| {

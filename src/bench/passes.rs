@@ -91,8 +91,8 @@ impl<B: Subject> ResidualPass<B> {
     ///
     /// # Errors
     /// When the device fails.
-    pub fn found(&mut self) -> Result<(), BackendError> {
-        self.backend.found(&self.level, &mut self.frame, &self.field).map(|_| ())
+    pub fn read_field(&mut self) -> Result<(), BackendError> {
+        self.backend.read_field(&self.level, &mut self.frame, &self.field).map(|_| ())
     }
 }
 
@@ -133,7 +133,7 @@ pub fn pass_costs<B: Subject>(
     let mut pass = ResidualPass::new(backend, scene, 1.0)?;
     let residual = repeat(runs, || pass.observe())?;
     let iteration = repeat(runs, || pass.step())?;
-    let found = repeat(runs, || pass.found())?;
+    let found = repeat(runs, || pass.read_field())?;
     Ok(vec![
         cost("frame", "8-bit pixels in host memory to spline coefficients on the device", frame, 5 * pixels),
         cost(

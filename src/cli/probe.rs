@@ -9,7 +9,7 @@ use crate::io::case::{
 };
 use crate::io::store::Store;
 use crate::report::Plot;
-use crate::report::correlation::{along_load, turned};
+use crate::report::correlation::{along_load, turn_axes};
 use crate::run::quantities::{FOLDER, write_of_store};
 use crate::run::{Record, strain_window};
 use std::path::Path;
@@ -78,7 +78,7 @@ fn draw_curves(curves: &[Curve], bound: bool, folder: &Path) -> Result<()> {
         let names = [curve.quantity.as_str(), curve.against.as_str()];
         save(folder, &curve.name, names, Plot { notes: vec![bars.clone()], ..along_load(curve) })?;
         if curve.is_against_load() {
-            save(folder, &curve.name, [names[1], names[0]], turned(curve))?;
+            save(folder, &curve.name, [names[1], names[0]], turn_axes(curve))?;
         }
     }
     Ok(())

@@ -119,7 +119,7 @@ impl Drawn {
             pixels.map(|(x, y)| F32::new(((grey(x, y) - f64::from(darkest)) / extent) as f32)).collect();
         // Few pixels are shown as the squares they are; many are averaged, or moire would appear.
         let by = if width >= 4 * columns { ResizeAlg::Nearest } else { ResizeAlg::Convolution(FilterType::Bilinear) };
-        let values = resized(&source, [columns, rows], [width, height], by);
+        let values = resize(&source, [columns, rows], [width, height], by);
         // A few hot or dead pixels must not decide the contrast.
         let mut partly_sorted = values.clone();
         let mut quantile = |part: f64| {
@@ -139,7 +139,7 @@ impl Drawn {
 }
 
 /// An image of `from` columns and rows in those of `to`.
-fn resized(pixels: &[F32], from: [u32; 2], to: [u32; 2], by: ResizeAlg) -> Vec<f32> {
+fn resize(pixels: &[F32], from: [u32; 2], to: [u32; 2], by: ResizeAlg) -> Vec<f32> {
     let source = TypedImageRef::new(from[0], from[1], pixels).expect("as many pixels as columns times rows");
     let mut resized = TypedImage::<F32>::new(to[0], to[1]);
     let options = ResizeOptions::new().resize_alg(by);

@@ -4,7 +4,7 @@ use super::figure::{Figure, FigureOptions, Values};
 use super::map::{MapOptions, element_map_on, nodal_map_on};
 use super::mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};
 use super::profile::{Profiled, profile_plot};
-use super::scale::{LARGEST, Palette, percentiles, written};
+use super::scale::{LARGEST, Palette, percentiles, write_number};
 use super::{Backdrop, Picture, ReportError};
 use crate::field::{DOUBTFUL, Measurement, Status, StrainField, StrainWindows, WindowStrains};
 use crate::units::Px;
@@ -236,8 +236,8 @@ impl<'a> Frame<'a> {
             let n = mesh.n_elements();
             notes.push(format!(
                 "percentiles 1 to 99: {} to {}{unit}, on {shown} of {n} elements",
-                written(low),
-                written(high)
+                write_number(low),
+                write_number(high)
             ));
         }
         let n_doubtful = self.doubtful.iter().filter(|&&doubtful| doubtful).count();
@@ -264,7 +264,7 @@ impl<'a> Frame<'a> {
             notes.push(format!("{} strain, {}, over {length} px", strain.definition, strain.definition.formula()));
         }
         if let (Figure::ResidualPercent, Some(range)) = (figure, self.options.range_grey) {
-            notes.push(format!("100 % is the range of the reference, {} grey levels", written(range)));
+            notes.push(format!("100 % is the range of the reference, {} grey levels", write_number(range)));
         }
         notes.extend(self.options.notes.iter().cloned());
         notes

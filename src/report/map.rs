@@ -175,7 +175,7 @@ pub(super) fn bar_for(cells: &[Cell], options: &MapOptions) -> Result<Option<Bar
     let asked = options.range.map(|(low, high)| Range::new(low, high)).transpose()?;
     let Some(natural) = Range::of(all()) else { return Ok(None) };
     let range = asked.unwrap_or_else(|| {
-        let range = trimmed(natural, all(), options.trim);
+        let range = trim(natural, all(), options.trim);
         let reach = range.low.abs().max(range.high.abs());
         if options.palette.is_diverging() { Range { low: -reach, high: reach } } else { range }
     });
@@ -191,7 +191,7 @@ pub(super) fn bar_for(cells: &[Cell], options: &MapOptions) -> Result<Option<Bar
 }
 
 /// `natural` without the share `trim` of the values at either end, where that makes it much shorter.
-fn trimmed(natural: Range, values: impl Iterator<Item = f64>, trim: f64) -> Range {
+fn trim(natural: Range, values: impl Iterator<Item = f64>, trim: f64) -> Range {
     if !(trim > 0.0 && trim < 0.5) {
         return natural;
     }

@@ -3,7 +3,7 @@
 use super::edges::{Edges, lines};
 use super::map::{bar_for, nodal_cells, warnings};
 use super::over_image::{FigureLayout, View, Words};
-use super::scale::{LARGEST, colour, written};
+use super::scale::{LARGEST, colour, write_number};
 use super::scene::{BLACK, COLOURS, Path, Rgb, Scene, Stroke, WHITE};
 use super::{Backdrop, MapOptions, Picture, ReportError};
 use crate::field::{Measurement, RemoveRigid, remove_rigid};
@@ -105,7 +105,7 @@ pub fn deformed_mesh(
     });
     notes.extend(options.notes.iter().cloned());
     let words = Words { title: &options.title, warnings: warnings(measurement, any), notes };
-    let at = moved(mesh, &measurement.displacement, factor);
+    let at = move_by(mesh, &measurement.displacement, factor);
     let positions = elements_of(mesh, &drawn).map(&at);
     let layout = FigureLayout::new(backdrop, View::image(backdrop).with(positions), options.pixel_size, None, &words);
     let mut scene = layout.begin();
@@ -151,10 +151,10 @@ pub fn register_figure(
             continue;
         }
         let name = motion.zone.map_or("all zones".to_owned(), |zone| format!("zone '{}'", mesh.zones()[zone]));
-        let [x, y] = motion.motion.translation.map(written);
+        let [x, y] = motion.motion.translation.map(write_number);
         let [cx, cy] = motion.motion.centre.map(|c| format!("{c:.0}"));
-        let turn = written(motion.motion.rotation_rad.to_degrees());
-        let rest = written(motion.left_rms);
+        let turn = write_number(motion.motion.rotation_rad.to_degrees());
+        let rest = write_number(motion.left_rms);
         notes.push(format!(
             "{name}: moved by ({x}, {y}) px, turned by {turn} deg about ({cx}, {cy}) px; left {rest} px rms"
         ));
@@ -166,7 +166,7 @@ pub fn register_figure(
     }
     notes.extend(options.notes.iter().cloned());
     let words = Words { title: &options.title, warnings: warnings(measurement, bar.is_some()), notes };
-    let at = moved(mesh, &left.displacement, factor);
+    let at = move_by(mesh, &left.displacement, factor);
     let positions = || elements_of(mesh, &drawn).flat_map(|node| [at(node), mesh.nodes()[node as usize]]);
     let view = View::around(positions()).unwrap_or(View::image(backdrop));
     // The image goes with the elements: there is none behind them.
@@ -220,7 +220,7 @@ fn elements_of<'a>(mesh: &'a Mesh<Px>, drawn: &'a [bool]) -> impl Iterator<Item 
     mesh.elements().iter().zip(drawn).filter(|(_, drawn)| **drawn).flat_map(|(nodes, _)| *nodes)
 }
 
-fn moved<'a>(mesh: &'a Mesh<Px>, displacement: &'a [[f64; 2]], factor: f64) -> impl Fn(u32) -> [f64; 2] + Copy + 'a {
+fn move_by<'a>(mesh: &'a Mesh<Px>, displacement: &'a [[f64; 2]], factor: f64) -> impl Fn(u32) -> [f64; 2] + Copy + 'a {
     move |node| {
         let (x, u) = (mesh.nodes()[node as usize], displacement[node as usize]);
         [x[0] + factor * u[0], x[1] + factor * u[1]]
@@ -244,13 +244,13 @@ fn magnification(asked: Option<f64>, measurement: &Measurement<Px>, drawn: &[boo
     // Not the largest of all: one node gone wrong must not hide the others.
     let length = lengths[(lengths.len() - 1) * 99 / 100];
     let wanted = SHOWN_PART * (x1 - x0).max(y1 - y0) / length.max(f64::MIN_POSITIVE);
-    let wanted = wanted.min(unfolded(measurement, drawn)).clamp(1.0, LARGEST_CHOICE);
+    let wanted = wanted.min(largest_factor(measurement, drawn)).clamp(1.0, LARGEST_CHOICE);
     let power = 10f64.powf(wanted.log10().floor());
     Ok([5.0, 2.0, 1.0].into_iter().map(|m| m * power).find(|v| *v <= wanted * (1.0 + 1e-9)).unwrap_or(power))
 }
 
 /// The factor at which elements begin to fold over, nearly.
-fn unfolded(measurement: &Measurement<Px>, drawn: &[bool]) -> f64 {
+fn largest_factor(measurement: &Measurement<Px>, drawn: &[bool]) -> f64 {
     let mesh = &measurement.mesh;
     let edges = Edges::new(mesh, 0..mesh.n_elements(), |element| drawn[element]).all;
     let between = |field: &[[f64; 2]], [a, b]: [u32; 2]| {

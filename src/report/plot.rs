@@ -170,7 +170,7 @@ impl Scale {
         let range = match axis.range {
             Some((low, high)) if axis.log && low <= 0.0 => return Err(ReportError::LogRange { low, high }),
             Some((low, high)) => Some(Range::new(low, high)?),
-            None => Range::of(values).map(|range| widened(range, axis.log)),
+            None => Range::of(values).map(|range| widen(range, axis.log)),
         };
         Ok(range.map(|range| Self { range, log: axis.log, ends }))
     }
@@ -197,7 +197,7 @@ impl Scale {
 }
 
 /// A little room at both ends, so that no point sits on the frame.
-fn widened(range: Range, log: bool) -> Range {
+fn widen(range: Range, log: bool) -> Range {
     let Range { low, high } = range;
     if log {
         let room = (0.04 * (high.ln() - low.ln())).exp();
@@ -224,11 +224,11 @@ impl Plot {
     /// Those of [`Plot::draw`].
     pub fn draw_for(&self, look: Look) -> Result<Picture, ReportError> {
         let size = SIZE.map(|side| look.side(f64::from(side)) as i32);
-        let picture = self.sized(size, look)?;
+        let picture = self.draw_in(size, look)?;
         // What stands beside the axes is known now: they get what the sheet leaves them.
         let Some(sheet) = look.sheet() else { return Ok(picture) };
         let spare = sheet - picture.sheet()[0] as i32;
-        self.sized([size[0] + spare, size[1]], look)
+        self.draw_in([size[0] + spare, size[1]], look)
     }
 
     /// The curves with `size` (at least 120 each way) between the axes, for a screen; letters keep their size.
@@ -236,7 +236,7 @@ impl Plot {
     /// # Errors
     /// Those of [`Plot::draw`].
     pub fn draw_sized(&self, size: [i32; 2]) -> Result<Picture, ReportError> {
-        self.sized(size, Look::Screen)
+        self.draw_in(size, Look::Screen)
     }
 
     /// Whether a point of a series can be shown.
@@ -253,7 +253,7 @@ impl Plot {
         Ok(Scale::new(&self.x, points, [0.0, 1.0])?.map(|scale| [scale.range.low, scale.range.high]))
     }
 
-    fn sized(&self, size: [i32; 2], look: Look) -> Result<Picture, ReportError> {
+    fn draw_in(&self, size: [i32; 2], look: Look) -> Result<Picture, ReportError> {
         for series in &self.series {
             let n = series.x.len();
             let sides = series.band.iter().flatten().map(Vec::len);

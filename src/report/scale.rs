@@ -215,7 +215,7 @@ fn superscript(k: i32) -> String {
 }
 
 /// A number in words for captions: four digits, the minus sign as wide as a digit.
-pub(super) fn written(value: f64) -> String {
+pub(super) fn write_number(value: f64) -> String {
     let size = value.abs();
     // In px, degrees and strains, less is round-off.
     let text = if size < 1e-12 {

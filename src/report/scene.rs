@@ -275,7 +275,7 @@ impl Scene {
             return;
         }
         // The words stay with their outlines: for whoever searches or listens to the file.
-        let (label, colour) = (escaped(text), hex(colour));
+        let (label, colour) = (escape(text), hex(colour));
         self.put(format_args!(r#"<path aria-label="{label}" fill="{colour}" d="{data}"/>"#));
     }
 
@@ -297,7 +297,7 @@ impl Scene {
         let notes = if look.has_notes() || notes.is_empty() {
             String::new()
         } else {
-            format!("<desc>{}</desc>\n", escaped(&notes.join(" ")))
+            format!("<desc>{}</desc>\n", escape(&notes.join(" ")))
         };
         let svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" \
@@ -305,7 +305,7 @@ impl Scene {
              <title>{}</title>\n{notes}{body}</svg>\n",
             length(width),
             length(height),
-            escaped(title)
+            escape(title)
         );
         Picture::new(svg, [width as u32, height as u32], map.area(), bar.map(Rect::area), ratio.max(look.ratio()))
     }
@@ -324,7 +324,7 @@ fn hex([r, g, b]: Rgb) -> String {
 }
 
 /// `text` as it may stand in XML; what XML forbids is left out.
-fn escaped(text: &str) -> String {
+fn escape(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for character in text.chars() {
         match character {

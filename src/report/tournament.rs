@@ -405,7 +405,8 @@ impl TournamentReport {
 
     fn works(&self) -> Block {
         let row = |name: &str, works: [Option<SpreadRecord>; 2]| {
-            let [opening, sliding] = works.map(|work| work.map_or_else(|| "\u{2013}".to_owned(), |work| said(&work)));
+            let [opening, sliding] =
+                works.map(|work| work.map_or_else(|| "\u{2013}".to_owned(), |work| write_spread(&work)));
             vec![name.to_owned(), opening, sliding]
         };
         let mut rows: Vec<Vec<String>> =
@@ -457,7 +458,7 @@ impl TournamentReport {
     }
 }
 
-fn said(work: &SpreadRecord) -> String {
+fn write_spread(work: &SpreadRecord) -> String {
     let ends = work.ends95.map(|end| end.map_or_else(|| "open".to_owned(), |end| significant(end, 3)));
     format!("{} ({} to {})", significant(work.value, 3), ends[0], ends[1])
 }

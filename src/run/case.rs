@@ -103,7 +103,7 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
             (1..=store.n_frames()).all(|number| store.status(number).is_ok_and(|status| status.is_some()))
         })
     };
-    if steps.done("correlation", &inputs) && complete() {
+    if steps.is_done("correlation", &inputs) && complete() {
         watcher(Event::Note("correlation: done before with the same images and options, taken from there"));
     } else {
         let existing = if steps.begin("correlation", &inputs)? { Existing::Continue } else { Existing::Replace };
@@ -125,7 +125,7 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
     let result = output.join(if case.has_fit() { FIT } else { "solution.csv" });
     // A fit of an earlier version has no bands to draw.
     let has_bands = || !case.has_fit() || read_bands(&output.join("traction-bands.csv")).is_ok();
-    let outcome = if steps.done(step, &inputs) && result.exists() && has_bands() {
+    let outcome = if steps.is_done(step, &inputs) && result.exists() && has_bands() {
         watcher(Event::Note(&format!("{step}: done before with the same measurement and options, taken from there")));
         steps.outcome(step)
     } else {
@@ -226,7 +226,7 @@ fn inputs_of(plan: &Plan) -> Result<String> {
     }
     let images: Vec<String> =
         files.iter().filter_map(|frame| Some(format!("{frame} {}", hashes.get(frame.path.as_path())?))).collect();
-    let options = crate::io::case::write_case(&plan.resolved());
+    let options = crate::io::case::write_case(&plan.to_case_file());
     let about = format!("{} {:?} {}", env!("CARGO_PKG_VERSION"), plan.device, plan.isa.name());
     Ok(sha256(format!("{about}\n{options}\n{}", images.join("\n")).as_bytes()))
 }

@@ -34,7 +34,7 @@ pub(super) fn about_series(
     references: &[String],
 ) -> Vec<Remark> {
     let mut said = copies(summary, hashes, references);
-    said.extend(dropped(&summary.frames.iter().map(|frame| frame.file.as_str()).collect::<Vec<_>>()));
+    said.extend(find_dropped(&summary.frames.iter().map(|frame| frame.file.as_str()).collect::<Vec<_>>()));
     said.extend(blank(summary));
     said.extend(taken_out_of_order(&summary.frames));
     said.extend(in_noise(summary));
@@ -83,7 +83,7 @@ fn copies(summary: &Summary, hashes: &BTreeMap<usize, Option<String>>, reference
 }
 
 /// Numbers that the names of a series skip: the camera dropped frames, or they were not copied.
-fn dropped(files: &[&str]) -> Option<Remark> {
+fn find_dropped(files: &[&str]) -> Option<Remark> {
     // The last number of a name; a longer one is no count.
     let number = |file: &&str| -> Option<u64> {
         let stem = Path::new(file).file_stem()?.to_str()?;
@@ -364,7 +364,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{About, Code, Motion, dropped, in_unsettled_light, taken_out_of_order};
+    use super::{About, Code, Motion, find_dropped, in_unsettled_light, taken_out_of_order};
     use crate::report::summary::{FrameSummary, LightSummary, ZoneSummary};
 
     #[test]
@@ -453,7 +453,7 @@ mod tests {
     fn numbers_that_are_skipped_are_told_and_a_choice_of_frames_is_not() {
         let said = |numbers: &[u64]| {
             let files: Vec<String> = numbers.iter().map(|n| format!("s2/cam1_{n:04}.tif")).collect();
-            dropped(&files.iter().map(String::as_str).collect::<Vec<_>>())
+            find_dropped(&files.iter().map(String::as_str).collect::<Vec<_>>())
         };
         let one = said(&[1, 2, 3, 4, 6, 7, 8, 9]).unwrap();
         assert_eq!((one.number("missing"), one.number("gaps")), (Some(1.0), Some(1.0)));
@@ -465,6 +465,9 @@ mod tests {
         }
         assert_eq!(said(&[1, 3, 4, 9, 11, 12, 20, 21, 22, 40]), None, "chosen by hand");
         assert_eq!(said(&[1, 2, 3, 4, 4, 5, 7, 8, 9]), None, "pages of one file");
-        assert_eq!(dropped(&["a.png", "b.png", "c.png", "d.png", "e.png", "f.png", "g.png", "h.png", "i.png"]), None);
+        assert_eq!(
+            find_dropped(&["a.png", "b.png", "c.png", "d.png", "e.png", "f.png", "g.png", "h.png", "i.png"]),
+            None
+        );
     }
 }

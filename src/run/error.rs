@@ -34,7 +34,7 @@ pub enum RunError {
     #[error(
         "no --reference is given, so that {} would be the reference, since it comes first; but the name of {} says that it is: \
          give --reference {}, or whichever it is (in a case file `reference`)",
-        first.display(), named.display(), quoted(named)
+        first.display(), named.display(), quote(named)
     )]
     WhichReference {
         /// The first image.
@@ -166,7 +166,7 @@ pub enum RunError {
 }
 
 /// A path as a shell takes it.
-fn quoted(path: &Path) -> String {
+fn quote(path: &Path) -> String {
     shell_word(&path.to_string_lossy())
 }
 

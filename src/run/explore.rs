@@ -68,12 +68,12 @@ impl Explored<'_> {
     pub fn page(&self, title: String, max_mb: f64) -> Result<ExplorerPage> {
         let sources = sources(self.store, self.model.is_some());
         let room = ((max_mb * 1e6) as usize).saturating_sub(REST);
-        let mut shown = self.packed(&sources, |size| (room / size).max(1))?;
+        let mut shown = self.pack(&sources, |size| (room / size).max(1))?;
         let n_shown = shown.len();
         let header = self.store.header();
-        let frames: Vec<Listed> = (1..=self.store.n_frames()).map(|number| self.listed(number)).collect();
+        let frames: Vec<Listed> = (1..=self.store.n_frames()).map(|number| self.list(number)).collect();
         let mut lead: Vec<(String, bool)> = self.faults.iter().map(|fault| (fault.clone(), true)).collect();
-        lead.push(counted(&frames));
+        lead.push(count_ends(&frames));
         if n_shown < self.numbers.len() {
             let text = format!(
                 "{n_shown} of {} frames with a field are in this page, evenly spaced, to keep it below {max_mb} MB; `quadrille view --max-mb` \
@@ -109,7 +109,7 @@ impl Explored<'_> {
         let law = self.fit.map_or(0, |fit| fit.view().n_bytes());
         let fixed = base64(8 * mesh.n_nodes() + 16 * mesh.n_elements() + self.reference.n_bytes());
         let room = room.saturating_sub(REST_IN_REPORT + law + fixed);
-        let mut shown = self.packed(&sources, |size| (room / (size + ABOUT_FRAME)).min(FRAMES_IN_REPORT))?;
+        let mut shown = self.pack(&sources, |size| (room / (size + ABOUT_FRAME)).min(FRAMES_IN_REPORT))?;
         let (n_shown, n) = (shown.len(), self.numbers.len());
         let warned = |text: String| Block::Lead { text, warning: true };
         let mut blocks: Vec<Block> = self.faults.iter().cloned().map(warned).collect();
@@ -129,23 +129,23 @@ impl Explored<'_> {
              Keys, once the field was clicked: arrows and space for frames, q for the quantity, v p g m for what the pointer does, + - 0 to zoom."
                 .into(),
         ));
-        let frames: Vec<Listed> = shown.keys().map(|&number| self.listed(number)).collect();
+        let frames: Vec<Listed> = shown.keys().map(|&number| self.list(number)).collect();
         blocks.push(Block::Interactive(self.view(None, &sources, &frames, &mut shown).interactive()));
         Ok(Section { title: TITLE.into(), blocks })
     }
 
     /// Frames, evenly, as many as `room` says for the size of one, packed.
-    fn packed(&self, sources: &[(Layer, Source)], room: impl Fn(usize) -> usize) -> Result<Shown> {
+    fn pack(&self, sources: &[(Layer, Source)], room: impl Fn(usize) -> usize) -> Result<Shown> {
         let one = |&number: &usize| -> Result<_> {
             let numbers = numbers_of(self.store, number, sources, self.model)?;
             Ok((number, Packed::new(&numbers)))
         };
-        let few: Shown = thinned(self.numbers, 3).par_iter().map(one).collect::<Result<_>>()?;
+        let few: Shown = thin(self.numbers, 3).par_iter().map(one).collect::<Result<_>>()?;
         let size = few.values().map(Packed::size).max().unwrap_or(1).max(1);
-        thinned(self.numbers, room(size)).par_iter().map(one).collect()
+        thin(self.numbers, room(size)).par_iter().map(one).collect()
     }
 
-    fn listed(&self, number: usize) -> Listed {
+    fn list(&self, number: usize) -> Listed {
         (number, self.store.status(number).ok().flatten())
     }
 
@@ -194,7 +194,7 @@ fn base64(bytes: usize) -> usize {
 }
 
 /// How many frames ended how, and whether that is worth a warning.
-fn counted(frames: &[Listed]) -> (String, bool) {
+fn count_ends(frames: &[Listed]) -> (String, bool) {
     let count = |status: Option<Status>| frames.iter().filter(|(_, s)| *s == status).count();
     let of = Status::ALL.into_iter().map(|status| (count(Some(status)), status.name().replace('_', " ")));
     let counts: Vec<String> = of
@@ -207,7 +207,7 @@ fn counted(frames: &[Listed]) -> (String, bool) {
 }
 
 /// As many of `numbers` as there is room for, evenly, the first and the last among them.
-fn thinned(numbers: &[usize], room: usize) -> Vec<usize> {
+fn thin(numbers: &[usize], room: usize) -> Vec<usize> {
     let n = numbers.len();
     match room {
         _ if room >= n => numbers.to_vec(),
@@ -364,10 +364,10 @@ mod tests {
     #[test]
     fn frames_are_thinned_evenly_and_the_first_and_the_last_stay() {
         let numbers: Vec<usize> = (1..=1000).collect();
-        let some = thinned(&numbers, 100);
+        let some = thin(&numbers, 100);
         assert_eq!((some.len(), some[0], some[99]), (100, 1, 1000));
         assert!(some.windows(2).all(|pair| (10..=11).contains(&(pair[1] - pair[0]))), "{some:?}");
-        assert_eq!((thinned(&numbers, 1), thinned(&numbers, 0)), (vec![1000], vec![]));
-        assert_eq!(thinned(&numbers[..3], 100), [1, 2, 3]);
+        assert_eq!((thin(&numbers, 1), thin(&numbers, 0)), (vec![1000], vec![]));
+        assert_eq!(thin(&numbers[..3], 100), [1, 2, 3]);
     }
 }

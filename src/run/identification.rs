@@ -8,7 +8,7 @@ use super::session::Outcome;
 use super::simulation::{save, write_solution};
 use super::stop::Stop;
 use super::text::absolute;
-use super::tournament::compared;
+use super::tournament::compare_in;
 use crate::identify::{Case, CutShort, Ended, FitStatus, fit, profile};
 use crate::io::joint::JointInput;
 use crate::report::Picture;
@@ -79,7 +79,7 @@ pub fn identify(
     let chosen = JointReport::new(&joint, found.solution()).chosen(asked);
     report.draw(&chosen, save)?;
     if !of_case.laws.is_empty() && found.cut_short.is_none() {
-        compared(&mut of_case, &folder, absolute(case), json.remarks.clone(), pool, stop, watcher)?;
+        compare_in(&mut of_case, &folder, absolute(case), json.remarks.clone(), pool, stop, watcher)?;
     }
     // The joint of the fit, for everything that `simulate` writes.
     let law = of_case.problem.unknowns.law_at(&found.evaluation.x)?;

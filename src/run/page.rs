@@ -62,7 +62,7 @@ pub(super) fn page(
     let joint = Joint::new(&read_joint(joint_case)?)?;
     let found = case.has_fit().then(|| folder.join(FIT)).filter(|path| path.exists());
     let fit: Option<FitRecord> = found.map(|path| read_json(&path)).transpose()?;
-    let law = identified(&*joint.law, fit.as_ref())?;
+    let law = law_of_fit(&*joint.law, fit.as_ref())?;
     let computed = fields(folder, &joint, frames.len())?;
     let bands = if fit.is_some() { read_bands(&folder.join("traction-bands.csv"))? } else { Vec::new() };
     let law_bands = fit.is_some().then(|| read_law(&folder.join("law.csv"))).transpose()?;
@@ -164,7 +164,7 @@ fn laws(folder: &Path, case: &RunCase) -> Result<Option<TournamentReport>> {
 }
 
 /// `law` with the values of `fit.json`.
-fn identified(law: &dyn CohesiveLaw, fit: Option<&FitRecord>) -> Result<Box<dyn CohesiveLaw>> {
+fn law_of_fit(law: &dyn CohesiveLaw, fit: Option<&FitRecord>) -> Result<Box<dyn CohesiveLaw>> {
     let values: Vec<f64> = (law.parameters().iter().zip(law.values()))
         .map(|(parameter, given)| {
             fit.and_then(|fit| fit.parameters.get(parameter.name)).map_or(given, |found| found.value)

@@ -138,7 +138,7 @@ impl Plan {
             reference_named: wanted.reference.is_some(),
             deformed,
             pixel_size,
-            accepted: accepted(&wanted)?,
+            accepted: accepted_images(&wanted)?,
             strain: given.strain.unwrap_or_default(),
             strain_window: strain_window(given.strain_window)?,
             correlation: given,
@@ -166,7 +166,7 @@ impl Plan {
             left_out,
         };
         if zone_found {
-            plan.found();
+            plan.allow_textureless();
         }
         Ok(plan)
     }
@@ -214,12 +214,12 @@ impl Plan {
     }
 
     /// Its zones were found where there is texture: a node there that lacks it is no reason to refuse the reference.
-    pub(super) fn found(&mut self) {
+    pub(super) fn allow_textureless(&mut self) {
         (self.zone_found, self.options.textureless_share) = (true, 1.0);
     }
 
     /// The plan as a case file that gives the same result from anywhere on this machine.
-    pub fn resolved(&self) -> CaseFile {
+    pub fn to_case_file(&self) -> CaseFile {
         CaseFile {
             images: CaseImages {
                 reference: Some(files(&self.reference)),
@@ -327,7 +327,7 @@ fn options_of(
 ///
 /// # Errors
 /// A number of pixels that cannot be counted.
-pub(super) fn accepted(images: &CaseImages) -> Result<Accepted> {
+pub(super) fn accepted_images(images: &CaseImages) -> Result<Accepted> {
     let most = Accepted::MOST_MPX;
     match images.max_image_mpx {
         None => Ok(Accepted::default()),
@@ -461,18 +461,18 @@ impl Images {
 }
 
 /// What the section `[run]` of an earlier start says under `key`.
-fn recorded(header: &StoreHeader, key: &str) -> Option<toml::Value> {
+fn read_recorded(header: &StoreHeader, key: &str) -> Option<toml::Value> {
     header.case.parse::<toml::Table>().ok()?.get("run")?.get(key).cloned()
 }
 
 /// The instruction path of an earlier start, when this machine has it.
 fn isa_of(header: &StoreHeader) -> Option<Isa> {
-    Isa::named(recorded(header, "isa")?.as_str()?)
+    Isa::named(read_recorded(header, "isa")?.as_str()?)
 }
 
 /// Whether an earlier start wrote CSV and VTU files.
 fn tables_of(header: &StoreHeader) -> Option<(bool, bool)> {
-    let names = recorded(header, "export")?;
+    let names = read_recorded(header, "export")?;
     let has = |name: &str| names.as_array().is_some_and(|names| names.iter().any(|one| one.as_str() == Some(name)));
     Some((has("csv"), has("vtu")))
 }

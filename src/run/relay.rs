@@ -110,7 +110,7 @@ impl Turn<'_> {
     }
 
     /// This frame, `number`, is done, after `known`: found at `start`, if it was. A forecast that was right stays what it is.
-    pub fn done(mut self, known: &Known, number: usize, start: Option<Start>) {
+    pub fn end_frame(mut self, known: &Known, number: usize, start: Option<Start>) {
         let found = known.and(number, start);
         self.change(|state| {
             state.after.remove(&(self.at - 1));
@@ -152,11 +152,11 @@ mod tests {
         let forecast = two.forecast().expect("told");
         two.tell(&forecast, 2, at(1.0));
         let of_two = three.forecast().expect("told");
-        one.done(&first, 1, Some(at(0.5)));
+        one.end_frame(&first, 1, Some(at(0.5)));
         let known = two.known().expect("done");
         assert!(Arc::ptr_eq(&known, &forecast));
         // Frame 2 is not found after all.
-        two.done(&known, 2, None);
+        two.end_frame(&known, 2, None);
         let known = three.known().expect("done");
         assert!(!Arc::ptr_eq(&known, &of_two));
         assert_eq!(known.history, forecast.history);

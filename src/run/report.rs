@@ -11,7 +11,7 @@ use crate::io::case::{CaseFile, parse_case};
 use crate::io::quantities::QuantitySummary;
 use crate::io::store::Store;
 use crate::report::Backdrop;
-use crate::report::correlation::{CorrelationReport, DrawnFrame, SAMPLED, SeriesPoint, chosen, spread};
+use crate::report::correlation::{CorrelationReport, DrawnFrame, SAMPLED, SeriesPoint, choose_frames, spread};
 use crate::report::summary::Summary;
 use std::io::Write;
 use std::path::Path;
@@ -40,7 +40,7 @@ pub(super) fn write(
         let (frame, strain) = store.frame(number)?.zip(store.strain(number)?).ok_or_else(|| lost(number))?;
         Ok(DrawnFrame { number, field: frame.measurement, strain })
     };
-    let drawn = chosen(shown.len())
+    let drawn = choose_frames(shown.len())
         .into_iter()
         .filter_map(|k| shown.get(k))
         .map(|&number| read(number))

@@ -47,7 +47,7 @@ impl RunToml {
                 .into(),
         );
         Self {
-            case: plan.resolved(),
+            case: plan.to_case_file(),
             about,
             reference: plan.reference.iter().cloned().zip(sha256.iter().cloned()).collect(),
             deformed: plan.deformed.clone(),

@@ -38,7 +38,7 @@ pub fn simulate(
     let input = read_joint(case)?;
     // Uncertainties that [substrate] may state are for `identify`.
     let mut joint = Case::joint(&input)?;
-    let follow = followed(&input)?;
+    let follow = follow_options(&input)?;
     let folder = RunFolder::open(output, overwrite)?;
     folder.clear(false, true)?;
     folder.make(FIGURES)?;
@@ -120,7 +120,7 @@ fn write_loads(folder: &RunFolder, report: &JointReport<'_>) -> Result<()> {
 }
 
 /// How the path is to be followed; `None` where it is gone from instant to instant.
-fn followed(input: &JointInput) -> Result<Option<FollowOptions>> {
+fn follow_options(input: &JointInput) -> Result<Option<FollowOptions>> {
     let path = &input.case.path;
     let default = FollowOptions::default();
     let (step, max_points) = (path.step.unwrap_or(default.step), path.max_points.unwrap_or(default.max_points));

@@ -58,7 +58,7 @@ impl Steps {
     }
 
     /// Whether a step was done with these inputs.
-    pub fn done(&self, step: &str, inputs: &str) -> bool {
+    pub fn is_done(&self, step: &str, inputs: &str) -> bool {
         self.done.get(step).is_some_and(|step| step.inputs.as_deref() == Some(inputs))
     }
 

@@ -37,11 +37,11 @@ pub fn compare_laws(
     remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
     let folder = RunFolder::open(output, overwrite)?;
     folder.clear(false, false)?;
-    compared(&mut of_case, &folder, absolute(case), remarks, pool, stop, watcher)
+    compare_in(&mut of_case, &folder, absolute(case), remarks, pool, stop, watcher)
 }
 
 /// The same of a case that is made already, into a folder that is ready.
-pub(super) fn compared(
+pub(super) fn compare_in(
     of_case: &mut Case<'_>,
     folder: &RunFolder,
     name: String,

@@ -62,7 +62,7 @@ pub fn watch(
     let watched = asked.images.deformed.iter().flatten().next().map_or("", String::as_str);
     let watched = WatchedFolder::new(Path::new(watched), pattern.as_deref(), *settle)?;
     let references = plan::references(asked, case)?;
-    let mut camera = Camera::new(watched, page, plan::accepted(&wanted)?, *timeout);
+    let mut camera = Camera::new(watched, page, plan::accepted_images(&wanted)?, *timeout);
     let mut images = Images {
         reference: references.into_iter().map(|path| Frame::file(path, page)).collect(),
         deformed: Vec::new(),

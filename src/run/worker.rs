@@ -61,7 +61,7 @@ struct Handing<'a> {
 
 impl Handing<'_> {
     fn on(self) {
-        self.turn.done(&self.known, self.number, self.start);
+        self.turn.end_frame(&self.known, self.number, self.start);
     }
 }
 
@@ -91,7 +91,7 @@ impl<'a> Worker<'a> {
     }
 
     /// What to keep after frame `number`.
-    fn kept(&mut self, number: usize) -> Option<Kept> {
+    fn take_kept(&mut self, number: usize) -> Option<Kept> {
         let Self::Chain(chain) = self else { return None };
         chain.kept.number = number;
         Some(chain.kept.clone())
@@ -114,7 +114,7 @@ fn independent(
 }
 
 /// Correlates a frame in its turn, and what it was predicted from.
-fn tracked(
+fn track(
     engine: &Engine,
     (pool, own): (&ThreadPool, Option<&ThreadPool>),
     frames: &Frames<'_>,
@@ -216,7 +216,7 @@ pub(super) fn correlate<'a>(
         let Ok((decoded, turn)) = next else { return };
         let number = decoded.number;
         let (done, handing) = match one_frame(engine, pool, (frames, &mut worker), decoded, turn) {
-            Ok((done, handing)) => (Ok(Done { kept: worker.kept(number), ..done }), handing),
+            Ok((done, handing)) => (Ok(Done { kept: worker.take_kept(number), ..done }), handing),
             Err(Failure::Over) => return,
             Err(failure) => (Err(failure.into()), None),
         };
@@ -254,7 +254,7 @@ fn one_frame<'a>(
     let (sha256, taken) = (Some(picture.sha256.clone()), picture.taken.take());
     let mut remarks: Vec<Remark> = of_image(number, &picture.notes).into_iter().collect();
     let correlated = match (worker, &turn) {
-        (Worker::Tracking(_, own), Some(turn)) => tracked(engine, (pool, own.as_ref()), frames, turn, number, picture)
+        (Worker::Tracking(_, own), Some(turn)) => track(engine, (pool, own.as_ref()), frames, turn, number, picture)
             .map(|(correlated, known)| (correlated, Some(known))),
         (Worker::Chain(chain), _) => {
             chain.correlate(engine, pool, number, source, picture).map(|correlated| (correlated, None))

@@ -36,7 +36,7 @@ impl Zones {
         }
         let found = Found::on(reference, plan, folder)?;
         plan.zones.clone_from(&found.cases);
-        plan.found();
+        plan.allow_textureless();
         let (zones, files) = (found.zones.clone(), found.files());
         let remarks = vec![zones_found(found.note.clone())];
         Ok(Self { zones, remarks, files, found: Some(found) })
@@ -86,7 +86,8 @@ impl Zones {
                 }
                 None => {
                     if zone.elements == Some(CaseElements::Mapped) {
-                        region.elements = Some(Arc::new(mapped(&region, size).map_err(|error| error.to_string())?));
+                        region.elements =
+                            Some(Arc::new(map_polygon(&region, size).map_err(|error| error.to_string())?));
                     }
                     found.zones.push(region);
                 }
@@ -149,7 +150,7 @@ pub(super) fn cut(zones: &mut [Zone], cracks: &[CaseCrack]) -> Result<()> {
 }
 
 /// Elements of `size` px along the sides of the polygon of `zone`.
-fn mapped(zone: &Zone, size: usize) -> std::result::Result<ZoneElements, MeshError> {
+fn map_polygon(zone: &Zone, size: usize) -> std::result::Result<ZoneElements, MeshError> {
     let not_convex = || MeshError::NotConvex { zone: zone.name.clone() };
     let corners = zone.polygon.as_slice().try_into().map_err(|_| not_convex())?;
     ZoneElements::mapped(&zone.name, corners, size as f64)

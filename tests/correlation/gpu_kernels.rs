@@ -117,7 +117,7 @@ fn asked<B: Backend>(backend: &B, case: &Case, laid: &Laid) -> Answer {
         zones,
         rhs: backend.right_hand_side(&level, &mut deformed, &field).unwrap(),
         remaining: backend.remaining_moments(&level, &mut deformed, &field).unwrap(),
-        found: backend.found(&level, &mut deformed, &field).unwrap(),
+        found: backend.read_field(&level, &mut deformed, &field).unwrap(),
     }
 }
 
@@ -507,7 +507,7 @@ fn assert_prolonged<B: Backend>(device: &str, backend: &B) {
     let coarse_field = backend.start(&coarser, &mut frame, &displacement, &transfer).unwrap();
     for moved in [false, true] {
         let field = backend.start_finer(&level, &mut frame, &coarse_field, moved).unwrap();
-        let found = backend.found(&level, &mut frame, &field).unwrap();
+        let found = backend.read_field(&level, &mut frame, &field).unwrap();
         for (place, found) in places.iter().zip(&found.displacement) {
             for c in 0..2 {
                 let of = place.nodes.map(|node| displacement[node as usize][c]);
@@ -594,14 +594,14 @@ fn assert_step<B: Backend>(device: &str, backend: &B, element_size: usize) {
     let transfer = [GreyTransfer { gain: 1.07, offset: -3.4 }];
     let mut field = backend.start(&level, &mut frame, &laid.displacement, &transfer).unwrap();
     backend.observe(&level, &mut frame, &mut field).unwrap();
-    let before = backend.found(&level, &mut frame, &field).unwrap().displacement;
+    let before = backend.read_field(&level, &mut frame, &field).unwrap().displacement;
     let b = backend.right_hand_side(&level, &mut frame, &field).unwrap();
     // As it is; damped; turned by 90 degrees, x to y, as in a field that is.
     for (damping, turned) in [(1.0, false), (0.5, false), (1.0, true)] {
         let scale = if turned { [0.0, damping] } else { [damping, 0.0] };
         let mut field = backend.start(&level, &mut frame, &laid.displacement, &transfer).unwrap();
         let step = backend.step(&level, &mut frame, &mut field, &solver, scale, &Ahead::NONE).unwrap();
-        let after = backend.found(&level, &mut frame, &field).unwrap().displacement;
+        let after = backend.read_field(&level, &mut frame, &field).unwrap().displacement;
         let moved = |k: usize| [0, 1].map(|i| (after[k][i] - before[k][i]) / damping);
         let back = |[x, y]: [f64; 2]| if turned { [y, -x] } else { [x, y] };
         let c: Vec<[f64; 2]> = (0..b.len()).map(|k| back(moved(k))).collect();
@@ -648,7 +648,7 @@ fn three_steps<B: Backend>(backend: &B, ahead: &Ahead) -> ((Vec<Step>, Found), u
         backend.step(&level, &mut frame, &mut field, &solver, [1.0, 0.0], &ahead).unwrap()
     };
     let steps = (0..3).rev().map(&mut step).collect();
-    let found = backend.found(&level, &mut frame, &field).unwrap();
+    let found = backend.read_field(&level, &mut frame, &field).unwrap();
     ((steps, found), backend.traffic(&frame).map_or(0, |traffic| traffic.readbacks))
 }
 
@@ -697,18 +697,18 @@ fn a_step_that_ends_a_batch_before_its_time_can_be_made_again_and_its_field_is_t
         let mut all = Vec::new();
         let scale = [1.0, 0.0];
         all.push(gpu.step(&level, &mut frame, &mut field, &first, scale, &first_ahead).unwrap());
-        let at_first = gpu.found(&level, &mut frame, &field).unwrap();
+        let at_first = gpu.read_field(&level, &mut frame, &field).unwrap();
         all.push(gpu.solve_again(&level, &mut frame, &mut field, &softer, scale, &again_ahead).unwrap());
         for _ in 0..2 {
             all.push(gpu.step(&level, &mut frame, &mut field, &softer, scale, &Ahead::NONE).unwrap());
         }
         // Once more, from the last of a batch.
-        let at_third = gpu.found(&level, &mut frame, &field).unwrap();
+        let at_third = gpu.read_field(&level, &mut frame, &field).unwrap();
         all.push(gpu.solve_again(&level, &mut frame, &mut field, &first, scale, &again_ahead).unwrap());
         for _ in 0..2 {
             all.push(gpu.step(&level, &mut frame, &mut field, &first, scale, &Ahead::NONE).unwrap());
         }
-        (all, [at_first, at_third, gpu.found(&level, &mut frame, &field).unwrap()])
+        (all, [at_first, at_third, gpu.read_field(&level, &mut frame, &field).unwrap()])
     });
     assert_eq!(fields[0], fields[1]);
     let [step, again] = [0, 1].map(|at| fields[0].0[at].correction_px);
@@ -734,7 +734,7 @@ fn movements<B: Backend>(backend: &B, off: f64, steps: usize) -> (Vec<Vec<[f64; 
         corrections.push(
             backend.step(&level, &mut frame, &mut field, &solver, [1.0, 0.0], &Ahead::NONE).unwrap().correction_px,
         );
-        let now = backend.found(&level, &mut frame, &field).unwrap().displacement;
+        let now = backend.read_field(&level, &mut frame, &field).unwrap().displacement;
         let moved = now.iter().zip(&at).map(|(now, before)| [now[0] - before[0], now[1] - before[1]]).collect();
         at = now;
         moved
@@ -811,7 +811,7 @@ fn assert_stays_out<B: Backend>(device: &str, backend: &B) {
         for at in [&outside, &inside] {
             backend.place(&level, &mut frame, &mut field, at).unwrap();
             backend.observe(&level, &mut frame, &mut field).unwrap();
-            let found = backend.found(&level, &mut frame, &field).unwrap();
+            let found = backend.read_field(&level, &mut frame, &field).unwrap();
             assert!(found.elements[0].n > 0.0, "{device}: an element that never left");
             left.push(found.elements[last].n);
         }
@@ -821,7 +821,7 @@ fn assert_stays_out<B: Backend>(device: &str, backend: &B) {
     // In another field it is in.
     let mut field = backend.start(&level, &mut frame, &inside, &[GreyTransfer::NONE]).unwrap();
     backend.observe(&level, &mut frame, &mut field).unwrap();
-    assert_eq!(backend.found(&level, &mut frame, &field).unwrap().elements[last].n, 256.0, "{device}");
+    assert_eq!(backend.read_field(&level, &mut frame, &field).unwrap().elements[last].n, 256.0, "{device}");
 }
 
 #[test]
@@ -851,12 +851,12 @@ fn assert_hysteresis<B: Backend>(device: &str, backend: &B) {
         (0..mesh.n_elements()).filter(|&e| mesh.corners(e)[0][0] == 144.0 && row(mesh.corners(e)[0][1]) == 0).collect();
     let mut field = backend.start(&level, &mut frame, &stretched, &[GreyTransfer::NONE]).unwrap();
     backend.step(&level, &mut frame, &mut field, &solver, [1.0, 0.0], &Ahead::NONE).unwrap();
-    let before = backend.found(&level, &mut frame, &field).unwrap();
+    let before = backend.read_field(&level, &mut frame, &field).unwrap();
     backend.observe(&level, &mut frame, &mut field).unwrap();
-    let stayed = backend.found(&level, &mut frame, &field).unwrap();
+    let stayed = backend.read_field(&level, &mut frame, &field).unwrap();
     let mut fresh = backend.start(&level, &mut frame, &stayed.displacement, &[GreyTransfer::NONE]).unwrap();
     backend.observe(&level, &mut frame, &mut fresh).unwrap();
-    let fresh = backend.found(&level, &mut frame, &fresh).unwrap();
+    let fresh = backend.read_field(&level, &mut frame, &fresh).unwrap();
     let kept = out.iter().filter(|&&e| (0.5..0.6).contains(&share(&fresh, e))).count();
     assert!(kept >= 5, "{device}: {kept} elements keep 0.5 to 0.6 of their pixels");
     for &e in &out {

@@ -80,7 +80,7 @@ impl PageList {
         let directory = Directory::read(self.file, bytes, offset)?;
         let entries = offset..directory.next.min(bytes.len());
         let kept = bytes.get(entries.clone()).unwrap_or_default().to_vec();
-        let taken = taken::taken(&directory, bytes);
+        let taken = taken::read_time(&directory, bytes);
         let decoded = directory.decode(bytes, accepted);
         if let Some(entries) = bytes.get_mut(entries) {
             entries.copy_from_slice(&kept);

@@ -6,7 +6,7 @@ mod guide;
 mod series;
 mod warnings;
 
-pub use series::{SeriesPoint, along_load, turned};
+pub use series::{SeriesPoint, along_load, turn_axes};
 
 use super::page::{Block, Page, Section};
 use super::summary::Summary;
@@ -48,7 +48,7 @@ pub struct CorrelationReport<'a> {
     pub pixel_size: Option<PixelSize>,
     /// Side of the elements, px.
     pub element_px: f64,
-    /// The frames whose fields are drawn: up to [`DRAWN`], the last one last; see [`chosen`].
+    /// The frames whose fields are drawn: up to [`DRAWN`], the last one last; see [`choose_frames`].
     pub drawn: &'a [DrawnFrame],
     /// Strains and uncertainty of up to [`SAMPLED`] frames.
     pub sampled: &'a [SeriesPoint],
@@ -71,7 +71,7 @@ pub fn spread(n: usize, at_most: usize) -> Vec<usize> {
 }
 
 /// Of `n` frames with a field the places of those that are drawn: the first, one in the middle, the last.
-pub fn chosen(n: usize) -> Vec<usize> {
+pub fn choose_frames(n: usize) -> Vec<usize> {
     spread(n, DRAWN)
 }
 
@@ -182,6 +182,6 @@ mod tests {
         assert_eq!((thin.len(), thin[0], thin[59]), (60, 0, 99_999));
         assert!(thin.windows(2).all(|pair| pair[0] < pair[1]));
         assert_eq!((spread(7, 1), spread(0, 9)), (vec![6], vec![]));
-        assert_eq!((chosen(19), chosen(1), chosen(0)), (vec![0, 9, 18], vec![0], vec![]));
+        assert_eq!((choose_frames(19), choose_frames(1), choose_frames(0)), (vec![0, 9, 18], vec![0], vec![]));
     }
 }

@@ -143,9 +143,10 @@ impl CorrelationReport<'_> {
             let thin = |values: &[f64]| places.iter().map(|&k| values[k]).collect::<Vec<f64>>();
             let thin = Curve { x: thin(&curve.x), y: thin(&curve.y), sigma: thin(&curve.sigma), ..(*curve).clone() };
             let (plot, caption) = match curve.is_against_load() {
-                true => {
-                    (turned(&thin), "x: the measured quantity; its standard uncertainty is in quantities/".to_owned())
-                }
+                true => (
+                    turn_axes(&thin),
+                    "x: the measured quantity; its standard uncertainty is in quantities/".to_owned(),
+                ),
                 false => (along_load(&thin), format!("Bars: \u{b1}2 standard uncertainties{bound}")),
             };
             blocks.push(Block::Curves(Curves::new(&plot, caption)?));
@@ -165,16 +166,16 @@ impl CorrelationReport<'_> {
 pub fn along_load(curve: &Curve) -> Plot {
     let band = curve.sigma.iter().map(|sigma| 2.0 * sigma).collect();
     let series = PlotSeries::new("", Style::LineAndMarkers, curve.x.clone(), curve.y.clone()).with_band(band);
-    drawn(curve, series, [curve.against_in_words(), curve.quantity_in_words()])
+    draw_curve(curve, series, [curve.against_in_words(), curve.quantity_in_words()])
 }
 
 /// What it is against along y, the quantity along x: load over opening, stress over strain.
-pub fn turned(curve: &Curve) -> Plot {
+pub fn turn_axes(curve: &Curve) -> Plot {
     let series = PlotSeries::new("", Style::LineAndMarkers, curve.y.clone(), curve.x.clone());
-    drawn(curve, series, [curve.quantity_in_words(), curve.against_in_words()])
+    draw_curve(curve, series, [curve.quantity_in_words(), curve.against_in_words()])
 }
 
-fn drawn(curve: &Curve, series: PlotSeries, [x, y]: [(String, String); 2]) -> Plot {
+fn draw_curve(curve: &Curve, series: PlotSeries, [x, y]: [(String, String); 2]) -> Plot {
     let label = |(name, unit): &(String, String)| match unit.as_str() {
         "1" => name.clone(),
         unit => format!("{name} ({unit})"),

@@ -10,7 +10,7 @@ use crate::report::summary::FrameSummary;
 const NAMED: usize = 12;
 
 /// Numbers in words, the first of them.
-fn listed(numbers: &[usize]) -> String {
+fn list(numbers: &[usize]) -> String {
     let first: Vec<String> = numbers.iter().take(NAMED).map(ToString::to_string).collect();
     let more = if numbers.len() > NAMED { format!(" and {} more", numbers.len() - NAMED) } else { String::new() };
     format!("{}{more}", first.join(", "))
@@ -51,7 +51,7 @@ impl CorrelationReport<'_> {
                     of_status.len(),
                     frames.len(),
                     meaning(status),
-                    listed(&of_status)
+                    list(&of_status)
                 ));
             }
         }
@@ -69,7 +69,7 @@ impl CorrelationReport<'_> {
                 "In {} of {} frames the residual of some elements is beyond noise: {}. Worst is frame {}: {}.",
                 off.len(),
                 frames.len(),
-                listed(&off),
+                list(&off),
                 worst.0,
                 worst.1
             ));
@@ -88,7 +88,7 @@ impl CorrelationReport<'_> {
         }
         for (numbers, remark) in kinds.iter().take(NAMED) {
             let frames = if numbers.len() == 1 { "Frame" } else { "Frames" };
-            blocks.push(Block::of_remark(&(*remark).clone().after(&format!("{frames} {}: ", listed(numbers)))));
+            blocks.push(Block::of_remark(&(*remark).clone().after(&format!("{frames} {}: ", list(numbers)))));
         }
         if kinds.len() > NAMED {
             let text = format!("{} further remarks stand in summary.json.", kinds.len() - NAMED);

@@ -1,6 +1,6 @@
 //! Measured against computed, and the tractions of the law.
 
-use super::{IdentificationReport, chosen};
+use super::{IdentificationReport, choose_instants};
 use crate::field::Measurement;
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::Jump;
@@ -30,9 +30,9 @@ pub fn measured_mm(
 
 impl IdentificationReport<'_> {
     /// Instants that have a solution, of those to be drawn.
-    fn drawn(&self) -> Vec<usize> {
+    fn drawn_instants(&self) -> Vec<usize> {
         let solved: Vec<usize> = (0..self.computed.len()).filter(|&k| !self.computed[k].is_empty()).collect();
-        chosen(solved.len()).into_iter().map(|k| solved[k]).collect()
+        choose_instants(solved.len()).into_iter().map(|k| solved[k]).collect()
     }
 
     /// Name of instant `at` in legends.
@@ -44,7 +44,7 @@ impl IdentificationReport<'_> {
     }
 
     /// Measured displacement of a node at an instant, mm with y up, less the rigid motion where that was removed.
-    fn measured(&self, at: usize, node: usize) -> Option<[f64; 2]> {
+    fn measured_displacement(&self, at: usize, node: usize) -> Option<[f64; 2]> {
         let (_, field) = self.frames.get(at)?;
         measured_mm(field, self.pixel_size, self.joint, at, node)
     }
@@ -65,7 +65,7 @@ impl IdentificationReport<'_> {
                 axis(k).iter().zip(from).zip(to).map(|((axis, from), to)| axis * (to - from)).sum()
             };
             let mut series = Vec::new();
-            for at in self.drawn() {
+            for at in self.drawn_instants() {
                 let u = &self.computed[at];
                 let line = |k: usize| 1e3 * along_axis(k, u[pairs[k][0] as usize], u[pairs[k][1] as usize]);
                 let along: Vec<f64> = positions.iter().map(|(_, along)| *along).collect();
@@ -76,10 +76,10 @@ impl IdentificationReport<'_> {
                     (0..pairs.len()).map(line).collect(),
                 ));
             }
-            for at in self.drawn() {
+            for at in self.drawn_instants() {
                 let (mut x, mut y, mut half) = (Vec::new(), Vec::new(), Vec::new());
                 for (k, (&[lower, upper], (_, along))) in pairs.iter().zip(&positions).enumerate() {
-                    let both = [lower, upper].map(|node| self.measured(at, node as usize));
+                    let both = [lower, upper].map(|node| self.measured_displacement(at, node as usize));
                     if let [Some(below), Some(above)] = both {
                         let sigma = |node: u32| {
                             let [x, y] = self.frames[at].1.sigma[node as usize];
@@ -91,7 +91,7 @@ impl IdentificationReport<'_> {
                     }
                 }
                 // The colour of its line.
-                let colour = Some(self.drawn().iter().position(|&other| other == at).unwrap_or(0));
+                let colour = Some(self.drawn_instants().iter().position(|&other| other == at).unwrap_or(0));
                 series.push(PlotSeries {
                     colour,
                     ..PlotSeries::new(String::new(), Style::Markers, x, y).with_band(half)
@@ -113,7 +113,7 @@ impl IdentificationReport<'_> {
             let Some((number, field)) = self.frames.get(at) else { continue };
             for node in 0..field.displacement.len() {
                 let free = (0..2).all(|c| model.unknown(node, c).is_some());
-                if let (Some(u), true) = (self.measured(at, node), free) {
+                if let (Some(u), true) = (self.measured_displacement(at, node), free) {
                     for c in 0..2 {
                         sum += (u[c] - self.computed[at][node][c]).powi(2);
                         sigma += field.sigma[node][c].powi(2);
@@ -152,7 +152,7 @@ impl IdentificationReport<'_> {
         let mut curves = Vec::new();
         for (c, title, label) in [(0, "Normal", "T_n (MPa)"), (1, "Tangential", "T_t (MPa)")] {
             let mut series = Vec::new();
-            for at in self.drawn() {
+            for at in self.drawn_instants() {
                 let one = match self.bands.iter().find(|band| band.instant == at + 1) {
                     Some(band) => {
                         let Banded { value, low, high, .. } = &band.tractions[c];

@@ -14,7 +14,7 @@ impl IdentificationReport<'_> {
         if history.is_empty() {
             return Ok(None);
         }
-        let names = self.fitted();
+        let names = self.fitted_names();
         let step: Vec<f64> = (0..history.len()).map(|k| k as f64).collect();
         let omega: Vec<f64> = history.iter().map(|entry| entry.omega.unwrap_or(f64::NAN)).collect();
         let plot = |title: &str, y: Axis, series| Plot {

@@ -1,6 +1,6 @@
 //! What was measured, and how.
 
-use super::{IdentificationReport, OtherRigidMotion, chosen};
+use super::{IdentificationReport, OtherRigidMotion, choose_instants};
 use crate::field::{Measurement, RigidMotion, Status};
 use crate::report::page::{Block, Map, Section};
 use crate::report::words::{plain, significant};
@@ -71,7 +71,7 @@ impl IdentificationReport<'_> {
         blocks.push(self.rigid_motion());
         let backdrop = Backdrop::new(self.reference, 1);
         let mut maps = Vec::new();
-        let shown = chosen(self.frames.len());
+        let shown = choose_instants(self.frames.len());
         for &at in shown.iter().skip(1) {
             let (number, field) = &self.frames[at];
             for (c, name) in [(0, "u_x, to the right"), (1, "u_y, up")] {
@@ -145,7 +145,7 @@ impl IdentificationReport<'_> {
                         let (value, changed) = (fit.parameters.get(name)?.value, parameters.get(&**name)?);
                         Some(format!("{name} {:+.2} %", 100.0 * (changed / value - 1.0)))
                     };
-                    let list: Vec<String> = self.fitted().iter().filter_map(change).collect();
+                    let list: Vec<String> = self.fitted_names().iter().filter_map(change).collect();
                     format!(" {choice}, the parameters would change by (to first order): {}.", list.join(", "))
                 }
             };

@@ -81,7 +81,7 @@ pub enum OtherRigidMotion {
 }
 
 /// Instants that are drawn: one early, one in the middle, the last.
-fn chosen(n: usize) -> Vec<usize> {
+fn choose_instants(n: usize) -> Vec<usize> {
     let mut chosen = vec![n.div_ceil(4).max(1) - 1, n.div_ceil(2).max(1) - 1, n.max(1) - 1];
     chosen.dedup();
     chosen.retain(|&k| k < n);
@@ -126,7 +126,7 @@ impl IdentificationReport<'_> {
     }
 
     /// Names of the fitted parameters, in the order of the rows of their matrices and iterates.
-    fn fitted(&self) -> &[Name] {
+    fn fitted_names(&self) -> &[Name] {
         self.fit.map_or(&[], |fit| &fit.parameter_order)
     }
 
@@ -163,9 +163,9 @@ mod tests {
 
     #[test]
     fn one_early_one_middle_and_the_last_instant_are_drawn() {
-        assert_eq!(chosen(19), [4, 9, 18]);
-        assert_eq!(chosen(1), [0]);
-        assert_eq!(chosen(2), [0, 1]);
-        assert!(chosen(0).is_empty());
+        assert_eq!(choose_instants(19), [4, 9, 18]);
+        assert_eq!(choose_instants(1), [0]);
+        assert_eq!(choose_instants(2), [0, 1]);
+        assert!(choose_instants(0).is_empty());
     }
 }

@@ -37,7 +37,7 @@ impl IdentificationReport<'_> {
     /// What the values rest on.
     pub(super) fn trust(&self, fit: &FitRecord) -> Result<Section, ReportError> {
         let mut blocks = self.budget(fit);
-        let names = self.fitted();
+        let names = self.fitted_names();
         let fixed: Vec<String> = (self.law.parameters().iter().zip(self.law.values()))
             .filter(|(p, _)| !names.iter().any(|name| name == p.name))
             .map(|(p, value)| {
@@ -90,7 +90,7 @@ impl IdentificationReport<'_> {
         ];
         let columns = columns.into_iter().chain(self.truth.map(|_| "truth")).map(str::to_owned).collect();
         let row = |name: &Name| Some(self.row(name, fit.parameters.get(name)?));
-        Block::Table { columns, rows: self.fitted().iter().filter_map(row).collect() }
+        Block::Table { columns, rows: self.fitted_names().iter().filter_map(row).collect() }
     }
 
     fn row(&self, name: &str, entry: &ParameterRecord) -> Vec<String> {
@@ -145,7 +145,7 @@ impl IdentificationReport<'_> {
                  {NORMAL_95:.2} times the root of the sum of their squares. Grey: stated, and not part of the interval."
             )),
         ];
-        for name in self.fitted() {
+        for name in self.fitted_names() {
             let value = fit.parameters.get(name).map_or(f64::NAN, |p| p.value.abs());
             let effect = |line: &BudgetRecord| line.parameters.get(name).map(|effect| effect.abs() / value);
             let mut parts: Vec<(&BudgetRecord, f64)> =

@@ -103,7 +103,7 @@ impl Packed {
                 before = code;
             }
             scale.push([low, step]);
-            ends.push(trimmed(finite().collect()));
+            ends.push(trim(finite().collect()));
         }
         let planes: Vec<u8> = [0, 1].into_iter().flat_map(|k| codes.iter().map(move |c| c.to_le_bytes()[k])).collect();
         let mut deflated = ZlibEncoder::new(Vec::new(), Compression::default());
@@ -119,7 +119,7 @@ impl Packed {
 }
 
 /// The least and the largest of `values` but for the outermost few; `None` without any.
-fn trimmed(mut values: Vec<f64>) -> Option<[f64; 2]> {
+fn trim(mut values: Vec<f64>) -> Option<[f64; 2]> {
     values.sort_by(f64::total_cmp);
     let cut = (TRIM * values.len() as f64) as usize;
     Some([*values.get(cut)?, values[values.len() - 1 - cut]])

@@ -39,7 +39,7 @@ pub struct Solver {
     reduction: f64,
     /// See [`Solver::with_responses`].
     responses: Option<Arc<[Vec<[f64; 2]>; 2]>>,
-    /// Of one that was made of another, the nodes whose rows differ, see [`Solver::changed`].
+    /// Of one that was made of another, the nodes whose rows differ, see [`Solver::change_rows`].
     changed: Option<Vec<u32>>,
     /// Systems of solvers that were made of this one and are no longer used, with the nodes whose rows differ: what the next one is made
     /// in, since to copy a whole matrix takes longer than the rows that change.
@@ -190,7 +190,7 @@ impl Solver {
 
     /// Conjugate gradients for the same matrix with the rows of `nodes` assembled anew, see [`BlockMatrix::assemble`]: for a
     /// solver without penalty of which some elements have changed, and `nodes` all of theirs.
-    pub fn changed<'a>(
+    pub fn change_rows<'a>(
         &self,
         nodes: &[u32],
         elements: &[[u32; 4]],
@@ -208,7 +208,7 @@ impl Solver {
         Self { reduction: REDUCTION_CHANGED, responses, changed, ..Self::of(system) }
     }
 
-    /// Takes back a solver that [`Solver::changed`] has made of this one, for the next one.
+    /// Takes back a solver that [`Solver::change_rows`] has made of this one, for the next one.
     pub fn take_back(&self, Self { system, changed, .. }: Self) {
         let mut spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(changed) = changed.filter(|_| spare.len() < SPARE) {
@@ -415,7 +415,7 @@ mod tests {
                 (0..SIDE * SIDE).filter(|&e| lost(e)).flat_map(|e| elements[e as usize]).collect();
             nodes.sort_unstable();
             nodes.dedup();
-            level.changed(&nodes, &elements, |e| &matrices[e as usize])
+            level.change_rows(&nodes, &elements, |e| &matrices[e as usize])
         };
         let [first, second]: [fn(u32) -> bool; 2] = [|e| e < 2 * SIDE, |e| e % SIDE == 5 || e == 3];
         let level = || {

@@ -5,7 +5,7 @@
 //! nothing to tell: only another device can.
 
 use super::cpu::CpuBackend;
-use super::{Ahead, Backend, BackendError, ElementMoments, GreyTransfer, KernelOptions, PixelSums, Place, coupled};
+use super::{Ahead, Backend, BackendError, ElementMoments, GreyTransfer, KernelOptions, PixelSums, Place, couple};
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation, Pixels};
 use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, Solver};
@@ -62,8 +62,10 @@ impl DeviceCheck {
     pub fn of<B: Backend>(backend: &B) -> Result<Self, BackendError> {
         let mut compared = Vec::new();
         for setting in settings() {
-            let (found, wanted) = (setting.seen(backend)?, setting.seen(&CpuBackend::new(backend.host_isa()))?);
-            compared.extend(found.into_iter().zip(wanted).map(|(found, wanted)| found.compared(&wanted, setting.name)));
+            let (found, wanted) =
+                (setting.compute_on(backend)?, setting.compute_on(&CpuBackend::new(backend.host_isa()))?);
+            compared
+                .extend(found.into_iter().zip(wanted).map(|(found, wanted)| found.compare_with(&wanted, setting.name)));
         }
         Ok(Self { compared })
     }
@@ -107,7 +109,7 @@ enum Tolerance {
 }
 
 impl Seen {
-    fn compared(self, wanted: &Self, setting: &str) -> Compared {
+    fn compare_with(self, wanted: &Self, setting: &str) -> Compared {
         let largest = wanted.values.iter().fold(f64::MIN_POSITIVE, |largest, v| largest.max(v.abs()));
         let (unit, scale, allowed) = match self.tolerance {
             Tolerance::Share(share) => ("", largest, share),
@@ -189,7 +191,7 @@ fn image(moved: f64, depth: u32) -> Image {
 
 impl Setting {
     /// What `backend` makes of it.
-    fn seen<B: Backend>(&self, backend: &B) -> Result<Vec<Seen>, BackendError> {
+    fn compute_on<B: Backend>(&self, backend: &B) -> Result<Vec<Seen>, BackendError> {
         let fine = PixelMesh::on_zones(&self.zones, ELEMENT, ELEMENT_SHARE, SIZE).expect("zones that fit");
         let coarse = fine.halved(ELEMENT, SIZE.map(|n| n / 2)).expect("a coarser level");
         let mut frames = [None, None];
@@ -214,7 +216,7 @@ impl Setting {
         for _ in 0..STEPS {
             backend.step(&coarser, &mut deformed, &mut field, &solver, [1.0, 0.0], &Ahead::NONE)?;
         }
-        let found = backend.found(&coarser, &mut deformed, &field)?;
+        let found = backend.read_field(&coarser, &mut deformed, &field)?;
         add("displacement, level 1", found.displacement.into_flattened(), Tolerance::Px(DISPLACEMENTS_PX));
 
         // The image itself: from the coarser field on, with elements at the border that have lost pixels.
@@ -223,7 +225,7 @@ impl Setting {
         backend.link(&mut level, places(&fine, &coarse))?;
         let solver = backend.solver(&level, self.solver(&fine, &moments))?;
         let mut field = backend.start_finer(&level, &mut deformed, &field, true)?;
-        let began = backend.found(&level, &mut deformed, &field)?;
+        let began = backend.read_field(&level, &mut deformed, &field)?;
         // The double of what the coarser level differs by.
         add("displacement of a start", began.displacement.into_flattened(), Tolerance::Px(2.0 * DISPLACEMENTS_PX));
         // From the same numbers on both devices.
@@ -254,7 +256,7 @@ impl Setting {
                 counted: [0.0, f64::INFINITY],
             };
         }
-        let found = backend.found(&level, &mut deformed, &field)?;
+        let found = backend.read_field(&level, &mut deformed, &field)?;
         let matches = found.elements.iter().flat_map(|e| [e.correlation, e.n / (ELEMENT * ELEMENT) as f64]);
         // They come as 16-bit numbers.
         add("match of elements", matches.collect(), Tolerance::Share(1e-4));
@@ -292,7 +294,7 @@ impl Setting {
         };
         let matrices: Vec<ElementMatrix> = moments.iter().map(matrix).collect();
         let data = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
-        let coupled = |solver: Solver| coupled(solver, &pattern, moments, self.options.brightness);
+        let coupled = |solver: Solver| couple(solver, &pattern, moments, self.options.brightness);
         if !self.regularised {
             return coupled(Solver::iterative(data));
         }
@@ -325,7 +327,7 @@ fn three_steps<B: Backend>(
         let ahead = Ahead { steps, correction_px: [0.0, f64::INFINITY], lost, counted: [0.0, f64::INFINITY] };
         backend.step(level, frame, &mut field, solver, scale, &ahead)?;
     }
-    Ok(backend.found(level, frame, &field)?.displacement.into_flattened())
+    Ok(backend.read_field(level, frame, &field)?.displacement.into_flattened())
 }
 
 /// Where the nodes of the fine mesh lie in the coarse one.

@@ -93,7 +93,7 @@ pub fn choose<'a>(choice: &DeviceChoice, adapters: &'a Adapters) -> Result<Optio
             DeviceError::NoAdapter { reason: adapters.reason.clone().unwrap_or_else(|| "none can be used".into()) }
         }
     };
-    let unknown = |wanted: String| DeviceError::Unknown { wanted, there: listed(adapters) };
+    let unknown = |wanted: String| DeviceError::Unknown { wanted, there: list_adapters(adapters) };
     match choice {
         DeviceChoice::Cpu => Ok(None),
         DeviceChoice::Auto => Ok(usable(&OWN_MEMORY)),
@@ -110,7 +110,7 @@ pub fn choose<'a>(choice: &DeviceChoice, adapters: &'a Adapters) -> Result<Optio
     }
 }
 
-fn listed(adapters: &Adapters) -> String {
+fn list_adapters(adapters: &Adapters) -> String {
     let names: Vec<String> = adapters.list.iter().enumerate().map(|(at, a)| format!("{at} '{}'", a.name)).collect();
     names.join(", ")
 }

@@ -121,8 +121,8 @@ impl Backend for InstantBackend {
         self.cpu.solver(level, solver)
     }
 
-    fn reclaimed(&self, solver: Arc<Solver>) -> Option<Solver> {
-        self.cpu.reclaimed(solver)
+    fn reclaim(&self, solver: Arc<Solver>) -> Option<Solver> {
+        self.cpu.reclaim(solver)
     }
 
     fn start(
@@ -292,14 +292,14 @@ impl Backend for InstantBackend {
         }
     }
 
-    fn started(
+    fn read_start(
         &self,
         level: &CpuLevel,
         frame: &mut CpuFrame,
         field: &InstantField,
     ) -> Result<(Vec<[f64; 2]>, Vec<GreyTransfer>), BackendError> {
         match &field.0 {
-            Kind::Iterated { field, .. } => self.cpu.started(level, frame, field),
+            Kind::Iterated { field, .. } => self.cpu.read_start(level, frame, field),
             Kind::Known { started, .. } => Ok(started.clone()),
         }
     }
@@ -317,10 +317,10 @@ impl Backend for InstantBackend {
         }
     }
 
-    fn found(&self, level: &CpuLevel, frame: &mut CpuFrame, field: &InstantField) -> Result<Found, BackendError> {
+    fn read_field(&self, level: &CpuLevel, frame: &mut CpuFrame, field: &InstantField) -> Result<Found, BackendError> {
         match &field.0 {
             Kind::Iterated { field, steps, remaining, is_predicted } => {
-                let found = self.cpu.found(level, frame, field)?;
+                let found = self.cpu.read_field(level, frame, field)?;
                 // After one step alone it is asked for to see whether the prediction was far off.
                 if *is_predicted && steps.len() > 1 {
                     let answers = Answers {

@@ -18,7 +18,7 @@ mod sums;
 pub use instant::InstantBackend;
 pub(crate) use relaxation::LONGEST;
 pub(crate) use spline::{at_pixel, taps};
-pub use sums::{ElementMatch, ElementMoments, PixelSums, coupled};
+pub use sums::{ElementMatch, ElementMoments, PixelSums, couple};
 
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation};
@@ -324,7 +324,7 @@ pub trait Backend: Clone + Send + Sync + 'static {
     }
 
     /// The solver that was brought to the device, which no longer needs it; none where something else still does.
-    fn reclaimed(&self, solver: Self::Solver) -> Option<Solver>;
+    fn reclaim(&self, solver: Self::Solver) -> Option<Solver>;
 
     /// Starts an iteration at `displacement` (px of the level, per node) and `transfer` (per zone).
     ///
@@ -471,7 +471,7 @@ pub trait Backend: Clone + Send + Sync + 'static {
     /// # Errors
     /// When the device fails.
     #[allow(clippy::type_complexity, reason = "two lists, as `start` takes them")]
-    fn started(
+    fn read_start(
         &self,
         level: &Self::Level,
         frame: &mut Self::Frame,
@@ -497,7 +497,12 @@ pub trait Backend: Clone + Send + Sync + 'static {
     ///
     /// # Errors
     /// When the device fails.
-    fn found(&self, level: &Self::Level, frame: &mut Self::Frame, field: &Self::Field) -> Result<Found, BackendError>;
+    fn read_field(
+        &self,
+        level: &Self::Level,
+        frame: &mut Self::Frame,
+        field: &Self::Field,
+    ) -> Result<Found, BackendError>;
 
     /// What went between the host and the device for a frame, when they are two.
     fn traffic(&self, _frame: &Self::Frame) -> Option<Traffic> {

@@ -148,7 +148,7 @@ pub struct ElementMoments {
 
 /// `solver` with what a gain and an offset of the zones' grey levels move, where they are followed: the solutions for `B_f` and `B_1`, the
 /// right-hand sides of residuals f and 1 (THEORY 2). Light is then solved with the displacement.
-pub fn coupled(solver: Solver, pattern: &Pattern, moments: &[ElementMoments], brightness: Brightness) -> Solver {
+pub fn couple(solver: Solver, pattern: &Pattern, moments: &[ElementMoments], brightness: Brightness) -> Solver {
     match brightness {
         Brightness::Zone => {
             solver.with_responses([0, 1].map(|k| pattern.gather(|element| moments[element].transfer[k])))

@@ -42,13 +42,13 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// Says what [`Correlator::periods`] would find of a texture that is known not to repeat.
-    pub(super) fn repeats_nowhere(&self) {
+    pub(super) fn assume_no_period(&self) {
         self.periods.get_or_init(|| vec![Vec::new(); self.zone_pixels.len()]);
     }
 
     /// What a correlation found, brought to the nearest to what was expected (rest unless said) of all displacements that
     /// match as well, where the texture repeats; and what is to be said of that.
-    pub(super) fn told(
+    pub(super) fn resolve_periods(
         &self,
         frame: &mut B::Frame,
         mut found: Correlation,
@@ -59,8 +59,8 @@ impl<B: Backend> Correlator<B> {
             return Ok(found);
         }
         for _ in 0..MOST_PERIODS {
-            let besides = self.besides(frame, &found, periods)?;
-            let Some(nearer) = self.nearer(&found, &besides, expected) else {
+            let besides = self.try_periods_off(frame, &found, periods)?;
+            let Some(nearer) = self.move_by_periods(&found, &besides, expected) else {
                 found.ambiguity = self.ambiguity(&found, &besides, expected);
                 break;
             };
@@ -83,7 +83,7 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// The displacements that are a period off in each zone, and how well they match after a few iterations.
-    fn besides(
+    fn try_periods_off(
         &self,
         frame: &mut B::Frame,
         found: &Correlation,
@@ -127,7 +127,12 @@ impl<B: Backend> Correlator<B> {
 
     /// The displacement with zones moved by a period where that matches as well or better and is nearer to what was expected;
     /// `None` when no zone has such.
-    fn nearer(&self, found: &Correlation, besides: &[Beside], expected: Option<&[[f64; 2]]>) -> Option<Vec<[f64; 2]>> {
+    fn move_by_periods(
+        &self,
+        found: &Correlation,
+        besides: &[Beside],
+        expected: Option<&[[f64; 2]]>,
+    ) -> Option<Vec<[f64; 2]>> {
         let mesh = self.mesh();
         let shift = |zone: usize| {
             let off = off_expected(mesh, found, zone, expected);

@@ -68,7 +68,7 @@ pub(super) fn bare_borders(
             let ends = |[a, b]: [u32; 2]| [a, b].map(|node| mesh.nodes()[node as usize]);
             let seen: HashMap<[u32; 2], Beside> = edges
                 .iter()
-                .filter_map(|&edge| Some((edge, beside(reference, ends(edge)[0], ends(edge)[1])?)))
+                .filter_map(|&edge| Some((edge, look_beside(reference, ends(edge)[0], ends(edge)[1])?)))
                 .collect();
             let chains = chains(edges.iter().copied().filter(|edge| seen.contains_key(edge)));
             let length = |edge: [u32; 2]| {
@@ -160,7 +160,7 @@ fn bare_edges(chains: &[Vec<[u32; 2]>], seen: &HashMap<[u32; 2], Beside>, is_kno
 
 /// What is seen along the edge from `a` to `b`, which has the inside to its right (y down); `None` where rows beyond it lie
 /// outside the image, from where nothing is mixed in.
-fn beside(image: &Image, a: [f64; 2], b: [f64; 2]) -> Option<Beside> {
+fn look_beside(image: &Image, a: [f64; 2], b: [f64; 2]) -> Option<Beside> {
     let way = [b[0] - a[0], b[1] - a[1]];
     let length = way[0].hypot(way[1]);
     let along = way.map(|w| w / length);

@@ -356,7 +356,7 @@ impl ReferenceChain {
         };
         let start = start.map(|start| stage.start(&start));
         let found = stage.correlator.correlate_uploaded(frame, start.as_ref())?;
-        Ok(self.composed(stage, number, found))
+        Ok(self.compose(stage, number, found))
     }
 
     /// A frame of the reference that was given, as a reference.
@@ -377,11 +377,11 @@ impl ReferenceChain {
     }
 
     /// The result of a frame on the mesh of the reference that was given.
-    fn composed(&self, stage: &Stage, number: usize, found: Correlation) -> Attempt {
+    fn compose(&self, stage: &Stage, number: usize, found: Correlation) -> Attempt {
         let mesh = self.original.mesh();
         let key = &stage.key;
         let transfer: Vec<GreyTransfer> =
-            key.transfer.iter().zip(&found.zones).map(|(before, zone)| after(zone.transfer, *before)).collect();
+            key.transfer.iter().zip(&found.zones).map(|(before, zone)| concatenate(zone.transfer, *before)).collect();
         let on_stage: Vec<[f64; 2]> = stage.nodes.iter().map(|&node| key.variance[node]).collect();
         let gradients = nodal_gradients(&found);
         let mut displacement = vec![[0.0; 2]; mesh.n_nodes()];
@@ -401,7 +401,7 @@ impl ReferenceChain {
             [0, 1].iter().for_each(|&c| model_error.nodes[node][c] += of_stage.nodes[own][c]);
             measured[node] = true;
             displacement[node] = full_displacement[node];
-            let carried = mapped(gradients[own], on_stage[own]);
+            let carried = map_variance(gradients[own], on_stage[own]);
             let share = shares[mesh.node_zone()[node] as usize];
             // Half of the stage's variance is the noise of its reference, of which only this share is new.
             sigma[node] =
@@ -479,7 +479,7 @@ impl ReferenceChain {
             counted,
             ..found
         };
-        Attempt { correlation: self.point_values.given(correlation), key: next }
+        Attempt { correlation: self.point_values.add_to(correlation), key: next }
     }
 
     /// Whether a zone has lost too many of the elements that it had in the reference given.
@@ -499,7 +499,7 @@ impl Stage {
         let own = |&node: &usize| [0, 1].map(|c| start.displacement[node][c] - self.key.displacement[node][c]);
         Start::new(
             self.nodes.iter().map(own).collect(),
-            start.transfer.iter().zip(&self.key.transfer).map(|(all, first)| rest(*all, *first)).collect(),
+            start.transfer.iter().zip(&self.key.transfer).map(|(all, first)| rest_after(*all, *first)).collect(),
         )
     }
 }
@@ -538,12 +538,12 @@ impl ChainState {
 }
 
 /// `second` and then `first`, as one transfer.
-fn after(second: GreyTransfer, first: GreyTransfer) -> GreyTransfer {
+fn concatenate(second: GreyTransfer, first: GreyTransfer) -> GreyTransfer {
     GreyTransfer { gain: first.gain * second.gain, offset: first.gain * second.offset + first.offset }
 }
 
 /// What is left of `all` after `first`: `after(rest(all, first), first)` is `all`.
-fn rest(all: GreyTransfer, first: GreyTransfer) -> GreyTransfer {
+fn rest_after(all: GreyTransfer, first: GreyTransfer) -> GreyTransfer {
     GreyTransfer { gain: all.gain / first.gain, offset: (all.offset - first.offset) / first.gain }
 }
 
@@ -576,7 +576,7 @@ fn carried_variance(
         .enumerate()
         .map(|(node, gradient)| {
             let own = sigma[node].map(|sigma| sigma * sigma);
-            let moved = mapped(gradient, [0, 1].map(|c| before[node][c] + of_reference * own[c]));
+            let moved = map_variance(gradient, [0, 1].map(|c| before[node][c] + of_reference * own[c]));
             let share = shares[mesh.node_zone()[node] as usize];
             [0, 1].map(|c| moved[c] + share * own[c] / both)
         })
@@ -584,7 +584,7 @@ fn carried_variance(
 }
 
 /// `F diag(variance) F^T` on its diagonal: the two components of a node are taken to be uncorrelated.
-fn mapped(f: [[f64; 2]; 2], variance: [f64; 2]) -> [f64; 2] {
+fn map_variance(f: [[f64; 2]; 2], variance: [f64; 2]) -> [f64; 2] {
     f.map(|row| row[0] * row[0] * variance[0] + row[1] * row[1] * variance[1])
 }
 

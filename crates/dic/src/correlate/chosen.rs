@@ -109,7 +109,7 @@ impl<B: Backend> Correlate for Correlator<B> {
         let made = Self::with_offset(self.backend().clone(), image, zones, options, self.grey_offset())?;
         // A texture that does not repeat does not begin to: it is looked at once for all references of a series.
         if self.periods().iter().all(Vec::is_empty) {
-            made.repeats_nowhere();
+            made.assume_no_period();
         }
         Ok(Box::new(made))
     }

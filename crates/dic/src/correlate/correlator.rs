@@ -12,7 +12,7 @@ use super::misfit::MisfitTest;
 use super::model_error::MeshLines;
 use super::noise_correlation::{NoiseProbe, Prepared};
 use super::options::Options;
-use super::outliers::without_outliers;
+use super::outliers::replace_outliers;
 use super::overlap::Overlap;
 use super::point_values::PointValuesOf;
 use super::reference::Reference;
@@ -334,21 +334,21 @@ impl<B: Backend> Correlator<B> {
         start: Option<&Start>,
         overlap: &mut Overlap<'_>,
     ) -> Result<Correlation, CorrelationError> {
-        let found = self.found_from(&mut frame, start, overlap)?;
-        let found = self.with_faces(&frame, found, start.map(|start| start.displacement.as_slice()));
-        Ok(self.point_values.given(found))
+        let found = self.find_from(&mut frame, start, overlap)?;
+        let found = self.add_faces(&frame, found, start.map(|start| start.displacement.as_slice()));
+        Ok(self.point_values.add_to(found))
     }
 
-    fn found_from(
+    fn find_from(
         &self,
         frame: &mut B::Frame,
         start: Option<&Start>,
         overlap: &mut Overlap<'_>,
     ) -> Result<Correlation, CorrelationError> {
         let Some(start) = start else {
-            return overlap.together(|_| {
+            return overlap.share_threads(|_| {
                 let found = self.search(frame)?;
-                self.told(frame, found, None)
+                self.resolve_periods(frame, found, None)
             });
         };
         let Start { displacement, transfer, left_out } = start;
@@ -361,30 +361,30 @@ impl<B: Backend> Correlator<B> {
         if let Some(&element) = left_out.iter().find(|&&element| element as usize >= n_elements) {
             return Err(CorrelationError::StartElement { element, n_elements });
         }
-        let found = self.at_prediction(frame, start, overlap)?;
-        overlap.together(|_| {
+        let found = self.iterate_from_prediction(frame, start, overlap)?;
+        overlap.share_threads(|_| {
             if let Some(found) = found {
-                return self.told(frame, found, Some(displacement));
+                return self.resolve_periods(frame, found, Some(displacement));
             }
-            let moved = Start { displacement: self.moved_by_zone(frame, displacement, transfer)?, ..start.clone() };
+            let moved = Start { displacement: self.move_by_zone(frame, displacement, transfer)?, ..start.clone() };
             // It may be near now; and what did not match in the frame before would hold up whatever begins with all elements.
             if (!moved.left_out.is_empty() || is_apart(&moved.displacement, displacement))
-                && let Some(found) = self.at_prediction(frame, &moved, &mut Overlap::default())?
+                && let Some(found) = self.iterate_from_prediction(frame, &moved, &mut Overlap::default())?
             {
-                return self.told(frame, found, Some(displacement));
+                return self.resolve_periods(frame, found, Some(displacement));
             }
-            let (coarse, known) = (self.on_coarsest(&moved.displacement), transfer.clone());
-            let mut best = self.down_the_pyramid(frame, coarse, known, StartUsed::PredictedCoarse)?;
-            if best.measurement.status != Status::Converged && best.worst_zone() > MATCHED && self.tries_again() {
+            let (coarse, known) = (self.carry_to_coarsest(&moved.displacement), transfer.clone());
+            let mut best = self.descend_pyramid(frame, coarse, known, StartUsed::PredictedCoarse)?;
+            if best.measurement.status != Status::Converged && best.worst_zone() > MATCHED && self.may_try_again() {
                 // A match but for some elements: without them, before it is looked for elsewhere.
                 let moved = Start { left_out: Vec::new(), ..moved };
-                let again = self.second_try(frame, &moved, StartUsed::Predicted, 0)?;
-                best = better(best, again);
+                let again = self.try_smoothly(frame, &moved, StartUsed::Predicted, 0)?;
+                best = choose_better(best, again);
             }
             if best.measurement.status != Status::Converged {
-                best = better(best, self.search(frame)?);
+                best = choose_better(best, self.search(frame)?);
             }
-            self.told(frame, best, Some(displacement))
+            self.resolve_periods(frame, best, Some(displacement))
         })
     }
 
@@ -412,22 +412,22 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// What is found by iterating from a prediction that is near; none where it is not, or does not end well.
-    fn at_prediction(
+    fn iterate_from_prediction(
         &self,
         frame: &mut B::Frame,
         start: &Start,
         overlap: &mut Overlap<'_>,
     ) -> Result<Option<Correlation>, CorrelationError> {
-        let field = overlap.together(|settled| self.settled_at_prediction(frame, start, settled))?;
+        let field = overlap.share_threads(|settled| self.settle_from_prediction(frame, start, settled))?;
         let Some(field) = field else { return Ok(None) };
         // What follows looks at the images alone.
         self.backend.release(frame);
-        let found = self.measured(frame, field, StartUsed::Predicted, 0);
+        let found = self.measure(frame, field, StartUsed::Predicted, 0);
         Ok((found.measurement.status == Status::Converged).then_some(found))
     }
 
     /// The field that is found from a prediction that is near.
-    fn settled_at_prediction(
+    fn settle_from_prediction(
         &self,
         frame: &mut B::Frame,
         start: &Start,
@@ -435,7 +435,7 @@ impl<B: Backend> Correlator<B> {
     ) -> Result<Option<Settled<B>>, CorrelationError> {
         let finest = &self.levels[0];
         let turn = self.turn(finest, &start.displacement);
-        let (mut field, excluded) = self.started(frame, start)?;
+        let (mut field, excluded) = self.start_field(frame, start)?;
         let is_rest = !start.left_out.is_empty();
         let limits = if is_rest { self.rest_limits(turn) } else { self.limits(turn) };
         let limits = Limits { near_px: PREDICTION_OFF_PX, few_far: FEW_FAR[usize::from(is_rest)], ..limits };
@@ -443,15 +443,15 @@ impl<B: Backend> Correlator<B> {
         if outcome.is_far || outcome.first_correlation <= MATCHED {
             return Ok(None);
         }
-        let mut iterated = self.iterated(frame, &mut field, outcome, excluded)?;
-        if is_rest && self.tries_again() {
-            iterated = self.iterated_without_astray(frame, &mut field, &start.displacement, iterated)?;
+        let mut iterated = self.end_iteration(frame, &mut field, outcome, excluded)?;
+        if is_rest && self.may_try_again() {
+            iterated = self.end_without_astray(frame, &mut field, &start.displacement, iterated)?;
         }
         // What repeats is looked for a period beside as well, and nodes on cuts are followed by themselves.
         let is_told = self.periods().iter().all(Vec::is_empty) && self.cut_nodes().is_empty();
         let told_early = is_told && self.ends_as_iterated.load(Ordering::Relaxed);
         iterated.start().filter(|_| told_early).into_iter().for_each(&mut *settled);
-        let field = self.settled(frame, &mut field, iterated)?;
+        let field = self.settle(frame, &mut field, iterated)?;
         let n_out = field.of.excluded.iter().filter(|out| **out).count();
         if is_rest && n_out.saturating_sub(start.left_out.len()) as f64 > FEW_MORE * field.of.excluded.len() as f64 {
             return Ok(None);
@@ -462,7 +462,7 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// A field of the finest level at its start, and which elements it begins without.
-    pub(super) fn started(
+    pub(super) fn start_field(
         &self,
         frame: &mut B::Frame,
         start: &Start,
@@ -483,13 +483,13 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// A displacement of the finest level's nodes on those of the coarsest.
-    pub(super) fn on_coarsest(&self, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    pub(super) fn carry_to_coarsest(&self, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let pairs = self.levels.windows(2);
-        pairs.fold(displacement.to_vec(), |coarse, pair| pair[1].taken_from_finer(&pair[0].mesh, &coarse))
+        pairs.fold(displacement.to_vec(), |coarse, pair| pair[1].carry_from_finer(&pair[0].mesh, &coarse))
     }
 
     /// Iterates from the coarsest level to the finest, from `displacement` on the coarsest.
-    pub(super) fn down_the_pyramid(
+    pub(super) fn descend_pyramid(
         &self,
         frame: &mut B::Frame,
         displacement: Vec<[f64; 2]>,
@@ -507,8 +507,8 @@ impl<B: Backend> Correlator<B> {
             coarse_iterations += outcome.iterations;
             if outcome.status != Status::Converged {
                 // The finer level would begin where single nodes of this one have gone.
-                let displacement = self.backend.found(&level.prepared, frame, &field)?.displacement;
-                let displacement = without_outliers(&level.mesh, &level.pattern, &displacement);
+                let displacement = self.backend.read_field(&level.prepared, frame, &field)?.displacement;
+                let displacement = replace_outliers(&level.mesh, &level.pattern, &displacement);
                 self.backend.place(&level.prepared, frame, &mut field, &displacement)?;
             }
             // A coarse level whose texture is gone can only harm: what it made worse stays as it was.
@@ -528,7 +528,7 @@ fn is_apart(a: &[[f64; 2]], b: &[[f64; 2]]) -> bool {
 
 /// Of two results of one frame the one that tells more: that which converged, else that which matches better, the
 /// second where they match alike.
-pub(super) fn better(first: Correlation, second: Correlation) -> Correlation {
+pub(super) fn choose_better(first: Correlation, second: Correlation) -> Correlation {
     let is_better = second.measurement.status == Status::Converged || second.worst_zone() >= first.worst_zone();
     if is_better { second } else { first }
 }

@@ -123,12 +123,12 @@ impl Patch {
         }
         let mut patch = Self { about, pixels, thin: None, planes, grey: Vec::new() };
         let grey = patch.pixels.iter().map(|p| f64::from(reference.grey(p[0] as usize, p[1] as usize))).collect();
-        patch.grey = patch.normalised(grey)?.0;
+        patch.grey = patch.normalise(grey)?.0;
         Some(patch)
     }
 
     /// The values without their plane, divided by their length, which comes with them; none where nothing is left.
-    fn normalised(&self, mut values: Vec<f64>) -> Option<(Vec<f64>, f64)> {
+    fn normalise(&self, mut values: Vec<f64>) -> Option<(Vec<f64>, f64)> {
         self.planes.iter().for_each(|plane| take_off(&mut values, plane));
         let length = scale(&mut values)?;
         Some((values, length))
@@ -143,12 +143,12 @@ impl Patch {
             let inside = at[0] >= 0 && at[1] >= 0 && at[0] < image.width() as i64 && at[1] < image.height() as i64;
             grey.push(f64::from(inside.then(|| image.grey(at[0] as usize, at[1] as usize))?));
         }
-        let (grey, _) = self.normalised(grey)?;
+        let (grey, _) = self.normalise(grey)?;
         Some(self.grey.iter().zip(&grey).map(|(f, g)| f * g).sum())
     }
 
     /// The best place around `start` by whole pixels, and the coefficient at the best place that is another one.
-    fn nearby(&self, image: &Image, start: &Affine) -> Option<(Affine, f64)> {
+    fn search_nearby(&self, image: &Image, start: &Affine) -> Option<(Affine, f64)> {
         let thin = self.thin.as_deref().unwrap_or(self);
         let steps = || (-REACH..=REACH).flat_map(|y| (-REACH..=REACH).map(move |x| [x, y]));
         let tried: Vec<([i32; 2], f64)> =
@@ -162,7 +162,7 @@ impl Patch {
     }
 
     /// Iterates from `start` by least squares of the grey levels without their plane and of length 1: motion, coefficient, standard uncertainty.
-    fn iterated(&self, image: &Image, start: &Affine) -> Option<(Affine, f64, [f64; 2])> {
+    fn iterate(&self, image: &Image, start: &Affine) -> Option<(Affine, f64, [f64; 2])> {
         let mut motion = *start;
         for _ in 0..ITERATIONS {
             let mut slopes: [Vec<f64>; 6] = std::array::from_fn(|_| Vec::with_capacity(self.pixels.len()));
@@ -175,7 +175,7 @@ impl Patch {
                 slopes.iter_mut().zip(of_pixel).for_each(|(slope, value)| slope.push(value));
                 grey.push(g);
             }
-            let (grey, length) = self.normalised(grey)?;
+            let (grey, length) = self.normalise(grey)?;
             // Plane and length of the deformed grey levels follow the motion as well.
             for slope in &mut slopes {
                 self.planes.iter().for_each(|plane| take_off(slope, plane));
@@ -208,14 +208,14 @@ impl Patch {
         None
     }
 
-    fn followed(&self, image: &Image, starts: &[Affine]) -> Option<(Affine, [f64; 2])> {
+    fn follow(&self, image: &Image, starts: &[Affine]) -> Option<(Affine, [f64; 2])> {
         let mut best: Option<(Affine, f64, [f64; 2])> = None;
         for (k, start) in starts.iter().enumerate() {
             if starts[..k].iter().any(|before| before.is_like(start)) {
                 continue;
             }
-            let Some((near, second)) = self.nearby(image, start) else { continue };
-            let Some(found) = self.iterated(image, &near) else { continue };
+            let Some((near, second)) = self.search_nearby(image, start) else { continue };
+            let Some(found) = self.iterate(image, &near) else { continue };
             if found.1 >= FOUND.max(second + UNIQUE) && best.as_ref().is_none_or(|best| found.1 > best.1) {
                 best = Some(found);
             }
@@ -369,7 +369,7 @@ type Found = BTreeMap<usize, (Affine, [f64; 2])>;
 
 /// Follows the nodes on the faces of cuts (`doubled`) that see texture (`sees`) and all of whose elements are `gone`, from the `displacement` of
 /// those that were measured, from where the frame was started (`expected`: the frames before), and from each other.
-pub(super) fn followed(
+pub(super) fn follow_nodes(
     [reference, deformed]: [&Image; 2],
     mesh: &Mesh<Px>,
     doubled: &BTreeSet<usize>,
@@ -403,7 +403,7 @@ pub(super) fn followed(
                 true => by_found.collect(),
                 false => alone.collect(),
             };
-            let motion = patches.iter().find_map(|patch| patch.followed(deformed, &starts))?;
+            let motion = patches.iter().find_map(|patch| patch.follow(deformed, &starts))?;
             Some((node, motion))
         };
         let waiting: Vec<_> = lost.iter().filter(|(node, _)| !found.contains_key(node)).collect();

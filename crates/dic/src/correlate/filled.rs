@@ -4,18 +4,18 @@ use crate::backend::ElementMatch;
 use crate::mesh::Mesh;
 use crate::units::Px;
 
-/// The displacement with that of nodes without elements that count as the field around them would have it, see [`filled`].
-pub(super) fn continued(mesh: &Mesh<Px>, displacement: &[[f64; 2]], elements: &[ElementMatch]) -> Vec<[f64; 2]> {
+/// The displacement with that of nodes without elements that count as the field around them would have it, see [`fill_field`].
+pub(super) fn continue_field(mesh: &Mesh<Px>, displacement: &[[f64; 2]], elements: &[ElementMatch]) -> Vec<[f64; 2]> {
     let mut known = vec![false; mesh.n_nodes()];
     for (nodes, found) in mesh.elements().iter().zip(elements) {
         nodes.iter().for_each(|&node| known[node as usize] |= found.n > 0.0);
     }
-    filled(mesh, displacement, known)
+    fill_field(mesh, displacement, known)
 }
 
 /// The displacement with that of nodes where it is not `known` as the field around them would have it: the affine motion of the zone, and
 /// what is beyond it harmonic.
-pub(super) fn filled(mesh: &Mesh<Px>, displacement: &[[f64; 2]], mut known: Vec<bool>) -> Vec<[f64; 2]> {
+pub(super) fn fill_field(mesh: &Mesh<Px>, displacement: &[[f64; 2]], mut known: Vec<bool>) -> Vec<[f64; 2]> {
     let mut all = displacement.to_vec();
     for (known, u) in known.iter_mut().zip(&all) {
         *known &= u.iter().all(|u| u.is_finite());

@@ -1,7 +1,7 @@
 //! Where a frame starts of which nothing is known: the motions that are tried, and the correlation that decides.
 
 use super::correlation::{Correlation, StartUsed};
-use super::correlator::{Correlator, better};
+use super::correlator::{Correlator, choose_better};
 use super::error::CorrelationError;
 use super::features::Features;
 use super::level::Level;
@@ -48,10 +48,10 @@ impl<B: Backend> Correlator<B> {
     pub(super) fn search(&self, frame: &mut B::Frame) -> Result<Correlation, CorrelationError> {
         let (found, tried) = self.search_once(frame)?;
         let ended_well = !matches!(found.measurement.status, Status::Diverged | Status::IterationLimit);
-        if ended_well || !self.tries_again() {
+        if ended_well || !self.may_try_again() {
             return Ok(found);
         }
-        Ok(better(found, self.begun_from(frame, &tried, true)?))
+        Ok(choose_better(found, self.begin_from(frame, &tried, true)?))
     }
 
     /// The result, and the motions from which it was begun.
@@ -77,16 +77,16 @@ impl<B: Backend> Correlator<B> {
         let lost = |tried: &Tried| tried.score < LOST;
         let widely = tried.iter().any(lost);
         if widely {
-            let everywhere = self.everywhere(frame, |zone| lost(&tried[zone]));
+            let everywhere = self.search_everywhere(frame, |zone| lost(&tried[zone]));
             self.try_motions(frame, &mut tried, everywhere)?;
         }
-        let found = self.begun_from(frame, &tried, false)?;
+        let found = self.begin_from(frame, &tried, false)?;
         if widely || !matches!(found.measurement.status, Status::Diverged | Status::LeftImage) {
             return Ok((found, tried));
         }
         // What is dark or bright all over its length matches well anywhere along it.
         let left = found.measurement.status == Status::LeftImage;
-        let everywhere = self.everywhere(frame, |zone| left || found.zones[zone].correlation < LOST);
+        let everywhere = self.search_everywhere(frame, |zone| left || found.zones[zone].correlation < LOST);
         if everywhere.iter().all(Vec::is_empty) {
             return Ok((found, tried));
         }
@@ -95,7 +95,7 @@ impl<B: Backend> Correlator<B> {
             *tried = Tried::default();
         }
         self.try_motions(frame, &mut tried, everywhere)?;
-        let again = self.begun_from(frame, &tried, false)?;
+        let again = self.begin_from(frame, &tried, false)?;
         let better = match (again.measurement.status, found.measurement.status) {
             (Status::Converged, _) | (Status::LeftImage, Status::Diverged) => true,
             // What is still in the image is measured.
@@ -106,7 +106,7 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// The motions of the `wanted` zones by points that look alike, wherever in the image; none of the others.
-    fn everywhere(&self, frame: &B::Frame, wanted: impl Fn(usize) -> bool) -> Vec<Vec<Motion>> {
+    fn search_everywhere(&self, frame: &B::Frame, wanted: impl Fn(usize) -> bool) -> Vec<Vec<Motion>> {
         // As `periods`: nobody may wait for what is made in parallel.
         let made = self.features.get().is_none().then(|| Features::of(&self.image));
         let features = self.features.get_or_init(|| made.unwrap_or_else(|| Features::of(&self.image)));
@@ -137,7 +137,7 @@ impl<B: Backend> Correlator<B> {
                 n => own[round.min(n - 1)].clone(),
             };
             let tried: Vec<Motion> = candidates.iter().zip(best.iter()).map(motion).collect();
-            let displacement = self.moved(level, &tried);
+            let displacement = self.displacement_under(level, &tried);
             let transfer = vec![GreyTransfer::NONE; best.len()];
             let mut field = self.backend.start(&level.prepared, frame, &displacement, &transfer)?;
             let observed = self.backend.observe(&level.prepared, frame, &mut field)?;
@@ -152,7 +152,7 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// Iterates down the pyramid from the motion of each zone, `smoothly` as long as it is not known what does not match.
-    fn begun_from(
+    fn begin_from(
         &self,
         frame: &mut B::Frame,
         tried: &[Tried],
@@ -160,15 +160,15 @@ impl<B: Backend> Correlator<B> {
     ) -> Result<Correlation, CorrelationError> {
         let transfer = tried.iter().map(|tried| tried.transfer).collect();
         let motions: Vec<Motion> = tried.iter().map(|tried| tried.motion.clone()).collect();
-        let displacement = self.moved(&self.levels[self.levels.len() - 1], &motions);
+        let displacement = self.displacement_under(&self.levels[self.levels.len() - 1], &motions);
         if smoothly {
             return self.smooth_pyramid(frame, displacement, transfer, StartUsed::Cold);
         }
-        self.down_the_pyramid(frame, displacement, transfer, StartUsed::Cold)
+        self.descend_pyramid(frame, displacement, transfer, StartUsed::Cold)
     }
 
     /// The displacement of a level's nodes under the motions of their zones.
-    fn moved(&self, level: &Level<B>, motions: &[Motion]) -> Vec<[f64; 2]> {
+    fn displacement_under(&self, level: &Level<B>, motions: &[Motion]) -> Vec<[f64; 2]> {
         let zones = level.mesh.node_zone();
         level.mesh.nodes().iter().zip(zones).map(|(&x, &zone)| motions[zone as usize].displacement(x)).collect()
     }

@@ -7,9 +7,9 @@ use super::options::Options;
 use super::own::Changed;
 use super::regularisation::{PenaltyScale, Regulariser};
 use super::splines::splines;
-use super::texture::{SeenByNode, faults, least_determined, seen_by_nodes, undetermined};
+use super::texture::{SeenByNode, find_faults, find_least_determined, find_undetermined, seen_by_nodes};
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
-use crate::backend::{Backend, ElementMoments, KernelOptions, coupled};
+use crate::backend::{Backend, ElementMoments, KernelOptions, couple};
 use crate::field::Elements;
 use crate::isa::Isa;
 use crate::linalg::{BlockMatrix, Pattern, Solver, Subspace, dissection, nested_dissection};
@@ -125,14 +125,14 @@ impl Round<'_> {
         let spread_with = |solver: &Solver, regulariser: Option<&Regulariser>| {
             let before = spread.as_ref().filter(|_| regulariser.is_none());
             before
-                .and_then(|spread| spread.changed(isa, (mesh, &seen.moments), pattern, (solver, None), &changed))
+                .and_then(|spread| spread.update(isa, (mesh, &seen.moments), pattern, (solver, None), &changed))
                 .unwrap_or_else(|| spread_of(isa, mesh, solver, regulariser, &seen.of_elements))
         };
         let texture = PenaltyScale { matrix: &matrix, support: &seen.support, seen: &self.textured };
         let regulariser = match self.splines {
             Some(splines) => Some(Regulariser::Splines(splines.clone())),
             None => Regulariser::new(options.regularisation, mesh, pattern, &seen.active, &texture)
-                .map(|regulariser| regulariser.factored(mesh)),
+                .map(|regulariser| regulariser.prepare_factor(mesh)),
         };
         let Some(regulariser) = regulariser else {
             let solver = Solver::iterative(matrix);
@@ -191,12 +191,12 @@ pub(super) fn finest_level<B: Backend>(
     // The matrix of the last round that came so far, its spread, and the elements that have been left out since.
     let (mut made, mut left_out): (Option<(BlockMatrix, NodalSpread)>, Vec<u32>) = (None, Vec::new());
     loop {
-        let mut found = faults(&mesh, &seen.blocks, &seen.support, noise, kernel.interpolation);
+        let mut found = find_faults(&mesh, &seen.blocks, &seen.support, noise, kernel.interpolation);
         found.retain(|fault| keep[fault.node]);
         let mut held = Vec::new();
         if !options.drop_textureless && options.is_held() {
             held = std::mem::take(&mut found);
-            found = of_blank_zones(&mesh, &held);
+            found = find_blank_zones(&mesh, &held);
         }
         if found.is_empty() {
             let textured = textured(&keep, &held);
@@ -206,20 +206,20 @@ pub(super) fn finest_level<B: Backend>(
             let Solved { solver, regulariser, spread, has_factor } =
                 round.solve(made.take(), std::mem::take(&mut left_out));
             let at_rest = noise_gain.at_rest();
-            found = undetermined(&mesh, &keep, |node| {
+            found = find_undetermined(&mesh, &keep, |node| {
                 [0, 1].map(|c| {
                     let at = spread.at(node, c, at_rest.lambda(noise.of_check));
                     at_rest.variance(noise.of_check, at, c).sqrt()
                 })
             });
             if !has_factor && found.is_empty() {
-                found = least_determined(&mesh, spread.variance(), &keep);
+                found = find_least_determined(&mesh, spread.variance(), &keep);
             }
             if found.is_empty() {
                 let seen_by_nodes = seen_by_nodes(&seen.blocks, &seen.support);
                 let Seen { moments, active, .. } = seen;
                 backend.restrict(&mut prepared, &active)?;
-                let solver = backend.solver(&prepared, coupled(solver, &pattern, &moments, kernel.brightness))?;
+                let solver = backend.solver(&prepared, couple(solver, &pattern, &moments, kernel.brightness))?;
                 dropped.sort_by_key(|fault| fault.node);
                 let moments = Arc::new(moments);
                 let level = Level { mesh, prepared, moments, pattern, solver, keep, regulariser, lambda };
@@ -230,7 +230,7 @@ pub(super) fn finest_level<B: Backend>(
             }
         }
         if !options.drop_textureless {
-            may_be_left_out(&mesh, &dropped, &found, options)?;
+            refuse_left_out(&mesh, &dropped, &found, options)?;
         }
         if found.len() == keep.iter().filter(|&&kept| kept).count() {
             return Err(CorrelationError::Textureless);
@@ -253,7 +253,7 @@ fn on_regular_mesh(mesh: &Mesh<Px>) -> Result<Subspace, CorrelationError> {
 
 /// Refuses nodes without texture that are more than their share of a zone, or on a border of which none may be left out.
 /// `dropped` went before, because of others; `found` would follow.
-fn may_be_left_out(
+fn refuse_left_out(
     mesh: &Mesh<Px>,
     dropped: &[TextureFault],
     found: &[TextureFault],
@@ -287,7 +287,7 @@ fn textured(keep: &[bool], held: &[TextureFault]) -> Vec<bool> {
 }
 
 /// The faults of zones in which not one node sees texture: there is nothing that could hold them.
-fn of_blank_zones(mesh: &Mesh<Px>, faults: &[TextureFault]) -> Vec<TextureFault> {
+fn find_blank_zones(mesh: &Mesh<Px>, faults: &[TextureFault]) -> Vec<TextureFault> {
     let zone_of = |fault: &TextureFault| mesh.node_zone()[fault.node] as usize;
     let mut left: Vec<usize> = (0..mesh.zones().len()).map(|zone| mesh.zone_nodes(zone).len()).collect();
     faults.iter().for_each(|fault| left[zone_of(fault)] -= 1);

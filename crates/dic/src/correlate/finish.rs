@@ -3,8 +3,8 @@
 use super::correlation::{Correlation, StartUsed, ZoneResult, rigid};
 use super::correlator::{Correlator, ENOUGH_BY_SIGMA, MATCHED};
 use super::error::CorrelationError;
-use super::faces::{Followed, followed};
-use super::filled::{continued, filled};
+use super::faces::{Followed, follow_nodes};
+use super::filled::{continue_field, fill_field};
 use super::gradient_noise::OfElement;
 use super::iterate::{Limits, Outcome, TOO_SLOW, iterate, nothing};
 use super::level::Level;
@@ -82,7 +82,7 @@ impl<B: Backend> Correlator<B> {
 
     /// What an iteration has found; where the light asks for smooth fields, after iterating on with them. The fields follow the displacement one
     /// iteration late, as the transfers of the zones do.
-    fn found(
+    fn find_light(
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
@@ -90,7 +90,7 @@ impl<B: Backend> Correlator<B> {
         excluded: &[bool],
     ) -> Result<(Found, Option<Light>), CorrelationError> {
         let Level { mesh, prepared, moments, .. } = &self.levels[0];
-        let found = self.backend.found(prepared, frame, field)?;
+        let found = self.backend.read_field(prepared, frame, field)?;
         let Some(always) = self.may_be_smooth() else { return Ok((found, None)) };
         let settled = matches!(outcome.status, Status::Converged | Status::IterationLimit);
         if !settled || !(always || is_suspected(mesh, &found.elements, moments)) {
@@ -100,25 +100,25 @@ impl<B: Backend> Correlator<B> {
         let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
         let of_reference = self.noise_gain.of_reference();
         let seen = Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference };
-        let Some(mut light) = Light::found(&seen, always) else { return Ok((found, None)) };
+        let Some(mut light) = Light::find(&seen, always) else { return Ok((found, None)) };
         self.backend.light(prepared, frame, field, light.nodes())?;
         let (turn, is_rest) = (outcome.turn, excluded.contains(&true));
         let limits = if is_rest { self.rest_limits(turn) } else { self.limits(turn) };
-        let mut more = self.in_light(frame, field, &mut light, &found, limits)?;
+        let mut more = self.iterate_in_light(frame, field, &mut light, &found, limits)?;
         more.iterations += outcome.iterations;
         if outcome.status == Status::Converged && more.status != Status::Converged {
             // What was found with one gain and offset per zone is worth more than a field that does not settle.
             outcome.iterations = more.iterations;
-            self.without_light(frame, field, &found.displacement)?;
+            self.remove_light(frame, field, &found.displacement)?;
             return Ok((found, None));
         }
         more.own = more.own.or(outcome.own.take());
         *outcome = more;
-        Ok((self.backend.found(prepared, frame, field)?, Some(light)))
+        Ok((self.backend.read_field(prepared, frame, field)?, Some(light)))
     }
 
     /// Takes the light away again, and puts the field where it was.
-    fn without_light(
+    fn remove_light(
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
@@ -139,7 +139,7 @@ impl<B: Backend> Correlator<B> {
 
     /// Iterates while the light follows the field, which was as `before` when the light was found. Where one holds the other up, and it is
     /// light, it stays as it is from some iteration on: what remains to be found is the displacement.
-    pub(super) fn in_light(
+    pub(super) fn iterate_in_light(
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
@@ -161,7 +161,7 @@ impl<B: Backend> Correlator<B> {
             if outcome.status != Status::IterationLimit {
                 return Ok(outcome);
             }
-            let now = self.backend.found(prepared, frame, field)?;
+            let now = self.backend.read_field(prepared, frame, field)?;
             // A solver of its own is asked for once what does not match has been left out.
             if !limits.own && median_ratio(&now.elements, &before.elements) >= HELD_RATIO {
                 return Ok(outcome);
@@ -194,13 +194,13 @@ impl<B: Backend> Correlator<B> {
         coarse_iterations: usize,
         excluded: Vec<bool>,
     ) -> Result<Correlation, CorrelationError> {
-        let iterated = self.iterated(frame, field, outcome, excluded)?;
-        let settled = self.settled(frame, field, iterated)?;
-        Ok(self.measured(frame, settled, start, coarse_iterations))
+        let iterated = self.end_iteration(frame, field, outcome, excluded)?;
+        let settled = self.settle(frame, field, iterated)?;
+        Ok(self.measure(frame, settled, start, coarse_iterations))
     }
 
-    /// What a finished iteration without the elements that are `excluded` has found, see [`Correlator::found`].
-    pub(super) fn iterated(
+    /// What a finished iteration without the elements that are `excluded` has found, see [`Correlator::find_light`].
+    pub(super) fn end_iteration(
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
@@ -208,13 +208,13 @@ impl<B: Backend> Correlator<B> {
         mut excluded: Vec<bool>,
     ) -> Result<Iterated<B>, CorrelationError> {
         excluded.resize(self.mesh().n_elements(), false);
-        let (mut found, light) = self.found(frame, field, &mut outcome, &excluded)?;
+        let (mut found, light) = self.find_light(frame, field, &mut outcome, &excluded)?;
         self.fill(&outcome, &mut found, &excluded);
         Ok(Iterated { outcome, found, light, excluded })
     }
 
-    /// What an iteration has found that has not settled, without what keeps it from that, see [`Correlator::without_astray`].
-    pub(super) fn iterated_without_astray(
+    /// What an iteration has found that has not settled, without what keeps it from that, see [`Correlator::iterate_without_astray`].
+    pub(super) fn end_without_astray(
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
@@ -226,10 +226,10 @@ impl<B: Backend> Correlator<B> {
         }
         let Iterated { outcome, found, light, mut excluded } = iterated;
         if light.is_some() {
-            self.without_light(frame, field, &found.displacement)?;
+            self.remove_light(frame, field, &found.displacement)?;
         }
-        let outcome = self.without_astray(frame, field, safe, outcome, &mut excluded)?;
-        self.iterated(frame, field, outcome, excluded)
+        let outcome = self.iterate_without_astray(frame, field, safe, outcome, &mut excluded)?;
+        self.end_iteration(frame, field, outcome, excluded)
     }
 
     /// Puts nodes of elements that are `excluded`, and those that noise has kept from settling, where the field around them would have them: what
@@ -237,18 +237,18 @@ impl<B: Backend> Correlator<B> {
     fn fill(&self, outcome: &Outcome<B>, found: &mut Found, excluded: &[bool]) {
         let mesh = &self.levels[0].mesh;
         if excluded.contains(&true) {
-            found.displacement = continued(mesh, &found.displacement, &found.elements);
+            found.displacement = continue_field(mesh, &found.displacement, &found.elements);
         }
         if outcome.unsettled.is_empty() {
             return;
         }
         let mut known = vec![true; mesh.n_nodes()];
         outcome.unsettled.iter().for_each(|&node| known[node] = false);
-        found.displacement = filled(mesh, &found.displacement, known);
+        found.displacement = fill_field(mesh, &found.displacement, known);
     }
 
     /// Its field without those elements that turn out not to match: the end of what the device has to do.
-    pub(super) fn settled(
+    pub(super) fn settle(
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
@@ -264,7 +264,7 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// Uncertainty, marks and summary of a field, and whether it is one.
-    pub(super) fn measured(
+    pub(super) fn measure(
         &self,
         frame: &B::Frame,
         Settled { of: Iterated { outcome, found, light, excluded }, matches, mut status, .. }: Settled<B>,
@@ -493,7 +493,7 @@ impl<B: Backend> Correlator<B> {
 
     /// What was found, with the nodes on faces of cuts that their elements have lost and that can be followed by themselves; they keep
     /// the marks of their elements. `expected` is where the frame was started, all nodes.
-    pub(super) fn with_faces(
+    pub(super) fn add_faces(
         &self,
         frame: &B::Frame,
         mut found: Correlation,
@@ -504,7 +504,7 @@ impl<B: Backend> Correlator<B> {
             return found;
         }
         let (mesh, image) = (self.mesh(), self.backend.image(frame));
-        let faces = followed(
+        let faces = follow_nodes(
             [&self.image, &image],
             mesh,
             self.cut_nodes(),
@@ -530,7 +530,7 @@ impl<B: Backend> Correlator<B> {
         let Level { mesh, moments, pattern, regulariser, lambda, .. } = &self.levels[0];
         let isa = self.backend.host_isa();
         let solvers = (&*own.solver, regulariser.as_ref());
-        if let Some(spread) = self.spread.changed(isa, (mesh, moments), pattern, solvers, &own.changed) {
+        if let Some(spread) = self.spread.update(isa, (mesh, moments), pattern, solvers, &own.changed) {
             return spread;
         }
         let of_element = |element: usize| match own.changed.elements.binary_search(&(element as u32)) {

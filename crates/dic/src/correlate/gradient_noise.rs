@@ -72,7 +72,7 @@ pub(super) fn mass_matrix(mesh: &Mesh<Px>, element: usize, moments: &ElementMome
 
 /// What is taken off an element: `lambda`, or as much less, in steps of a quarter, as leaves [`LEAST_SHARE_OF_STEPS`] of
 /// its matrix in every direction. So `M0` is positive definite where `M` is.
-fn taken_off(matrix: &ElementMatrix, mass: &ElementMatrix, lambda: f64) -> f64 {
+fn noise_to_take_off(matrix: &ElementMatrix, mass: &ElementMatrix, lambda: f64) -> f64 {
     /// Steps down to what is not worth taking off: less than a fiftieth of it.
     const STEPS: i32 = 14;
     let after = |steps: i32| lambda * 0.75f64.powi(steps);
@@ -119,7 +119,7 @@ impl OfElement {
         if lambda <= 0.0 {
             return Self { matrix, mass, lambda: 0.0 };
         }
-        let lambda = taken_off(&matrix, &mass, lambda);
+        let lambda = noise_to_take_off(&matrix, &mass, lambda);
         Self { matrix: std::array::from_fn(|k| matrix[k] - lambda * mass[k]), mass, lambda }
     }
 
@@ -240,7 +240,7 @@ mod tests {
                 }))
             };
             let one_by_one = (0..14).map(|step| lambda * 0.75f64.powi(step)).find(|&taken| leaves_enough(taken));
-            assert_eq!(taken_off(&matrix, &mass, lambda), one_by_one.unwrap_or(0.0), "{weakest}");
+            assert_eq!(noise_to_take_off(&matrix, &mass, lambda), one_by_one.unwrap_or(0.0), "{weakest}");
             taken.push(one_by_one.unwrap_or(0.0));
         }
         assert_eq!((taken[0], taken[11]), (lambda, 0.0));

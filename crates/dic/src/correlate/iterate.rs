@@ -169,7 +169,7 @@ impl Watch {
     /// Sets the nodes apart that noise keeps from settling, if they are few: whose correction is more than what is enough there, or that have
     /// more than `may_be_left` times that still before them; and those beside them that they pull along. `None` where another node has not
     /// settled, or the last two corrections are not known yet.
-    fn without_unsettled(
+    fn set_unsettled_apart(
         &self,
         pattern: &Pattern,
         enough: &[Enough],
@@ -251,8 +251,8 @@ fn is_far<B: Backend>(
     field: &B::Field,
     Limits { near_px, few_far, .. }: Limits<'_>,
 ) -> Result<bool, BackendError> {
-    let (start, _) = backend.started(&level.prepared, frame, field)?;
-    let now = backend.found(&level.prepared, frame, field)?.displacement;
+    let (start, _) = backend.read_start(&level.prepared, frame, field)?;
+    let now = backend.read_field(&level.prepared, frame, field)?.displacement;
     // What is no number is far as well.
     let is_near = |node: usize| (0..2).all(|c| (now[node][c] - start[node][c]).abs() < near_px);
     let is_far = |zone: usize| {
@@ -265,7 +265,7 @@ fn is_far<B: Backend>(
 
 /// The steps that a device may make after that of `iteration` before the host has seen it: as long as what the host would look at leaves it no
 /// choice. A frame with a solver of its own was so when that was `made`: pixels counted and elements lost.
-fn ahead(iteration: usize, limits: &Limits<'_>, made: Option<(f64, usize)>, size: f64) -> Ahead {
+fn steps_ahead(iteration: usize, limits: &Limits<'_>, made: Option<(f64, usize)>, size: f64) -> Ahead {
     let of_own = limits.own && made.is_none();
     let steps = Pace::SAME.min(limits.max_iterations).saturating_sub(iteration);
     // Light is to follow each of them.
@@ -315,7 +315,7 @@ pub(super) fn iterate<B: Backend>(
     for iteration in 1..=limits.max_iterations {
         let scale = [pace.factor() * limits.turn.cos, pace.factor() * limits.turn.sin];
         let solver = outcome.own.as_ref().map_or(&level.solver, |own| &own.solver);
-        let ahead = self::ahead(iteration, &limits, outcome.own.as_ref().map(|_| made_at), size);
+        let ahead = self::steps_ahead(iteration, &limits, outcome.own.as_ref().map(|_| made_at), size);
         let mut step = backend.step(&level.prepared, frame, field, solver, scale, &ahead)?;
         let moved = (step.counted - made_at.0).abs() > RENEW_SHARE * size * size;
         let renew = match outcome.own {
@@ -330,7 +330,7 @@ pub(super) fn iterate<B: Backend>(
             }
             let own = Own::new(backend, level, frame, field, options, limits.regulariser)?;
             made_at = (step.counted, step.lost);
-            let ahead = self::ahead(iteration, &limits, Some(made_at), size);
+            let ahead = self::steps_ahead(iteration, &limits, Some(made_at), size);
             step = backend.solve_again(&level.prepared, frame, field, &own.solver, scale, &ahead)?;
             outcome.own = Some(own);
         }
@@ -364,9 +364,9 @@ pub(super) fn iterate<B: Backend>(
         let enough = enough.filter(|enough| enough.is_noisy || limits.enough_anywhere);
         if iteration >= SLOW[0] && enough.is_some() {
             // Behind the largest correction there may be one that is not good enough at its node.
-            watch.note(backend.found(&level.prepared, frame, field)?.displacement, pace.factor());
+            watch.note(backend.read_field(&level.prepared, frame, field)?.displacement, pace.factor());
             let left = LEFT[usize::from(iteration >= SLOW[1])];
-            let rest = watch.without_unsettled(&level.pattern, limits.enough, limits.tolerance_px, left);
+            let rest = watch.set_unsettled_apart(&level.pattern, limits.enough, limits.tolerance_px, left);
             if let Some(rest) = rest.filter(|rest| rest.is_enough(iteration, limits.enough.len())) {
                 outcome.status = Status::Converged;
                 (outcome.worst_node, outcome.correction_px) = rest.worst;
@@ -418,14 +418,14 @@ mod tests {
         watch.note(at.clone(), 1.0);
         for (k, factor) in factors.into_iter().enumerate() {
             assert!(
-                watch.without_unsettled(&strip(enough.len()), enough, 1e-4, 3.0).is_none(),
+                watch.set_unsettled_apart(&strip(enough.len()), enough, 1e-4, 3.0).is_none(),
                 "two corrections are needed"
             );
             at.iter_mut().zip(corrections).for_each(|(at, by)| at[0] += factor * by[k]);
             watch.note(at.clone(), factor);
         }
         watch
-            .without_unsettled(&strip(enough.len()), enough, 1e-4, may_be_left)
+            .set_unsettled_apart(&strip(enough.len()), enough, 1e-4, may_be_left)
             .map(|rest| (rest.unsettled, rest.worst))
     }
 

@@ -2,7 +2,7 @@
 
 use super::gradient_noise::{AssumedNoise, OfElement, diagonal_with_noise, without_noise};
 use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
-use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place, coupled};
+use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place, couple};
 use crate::linalg::{Pattern, Solver};
 use crate::mesh::{Mesh, PixelMesh, shape_functions};
 use crate::units::Px;
@@ -69,7 +69,7 @@ impl<B: Backend> Level<B> {
         let of_elements = OfElement::all(&mesh, &moments, options, lambda);
         let blocks: Vec<_> =
             (0..mesh.n_nodes()).map(|node| diagonal_with_noise(&mesh, &pattern, &of_elements, node)).collect();
-        for fault in super::texture::faults(&mesh, &blocks, &support, &noise, options.interpolation) {
+        for fault in super::texture::find_faults(&mesh, &blocks, &support, &noise, options.interpolation) {
             keep[fault.node] = false;
         }
         let moments = Arc::new(moments);
@@ -77,17 +77,17 @@ impl<B: Backend> Level<B> {
         let active = vec![true; mesh.n_elements()];
         let texture = PenaltyScale { matrix: &matrix, support: &support, seen: &keep };
         let regulariser = Regulariser::new(regularisation.at_level(level), &mesh, &pattern, &active, &texture);
-        let regulariser = regulariser.map(|regulariser| regulariser.factored(&mesh));
+        let regulariser = regulariser.map(|regulariser| regulariser.prepare_factor(&mesh));
         if let Some(regulariser) = regulariser
             && let Ok(solver) = regulariser.solver(matrix.clone())
         {
             let keep = vec![true; mesh.n_nodes()];
-            let solver = backend.solver(&prepared, coupled(solver, &pattern, &moments, options.brightness))?;
+            let solver = backend.solver(&prepared, couple(solver, &pattern, &moments, options.brightness))?;
             return Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: Some(regulariser), lambda });
         }
         matrix.hold(&keep);
         let solver = Solver::iterative(matrix);
-        let solver = backend.solver(&prepared, coupled(solver, &pattern, &moments, options.brightness))?;
+        let solver = backend.solver(&prepared, couple(solver, &pattern, &moments, options.brightness))?;
         Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: None, lambda })
     }
 
@@ -98,7 +98,7 @@ impl<B: Backend> Level<B> {
     }
 
     /// The displacement on this level's nodes from that on the next finer level's.
-    pub fn taken_from_finer(&self, fine: &Mesh<Px>, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    pub fn carry_from_finer(&self, fine: &Mesh<Px>, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let value = |place: Place| {
             std::array::from_fn(|c| {
                 let of_node = |node: &u32| displacement[*node as usize][c];

@@ -275,7 +275,7 @@ impl Zone {
         let (scaled, _) = BlockJacobi::new(&matrix).solve(&matrix, &rhs, 1e-6, 1000);
         let values: Vec<[f64; 2]> = scaled.into_iter().map(|[gamma, delta]| [gamma / unit, delta]).collect();
         let left = self.said.iter().map(|said| {
-            let by_light = said.of(interpolated(&grid, &cells, &values, said.at));
+            let by_light = said.of(interpolate(&grid, &cells, &values, said.at));
             Said { residual: [0, 1].map(|k| said.residual[k] - by_light[k]), ..*said }.squares()
         });
         let left = left.sum();
@@ -299,7 +299,7 @@ impl Zone {
 
     /// The field that the elements ask for: with `always` at least that on the coarsest grid, else none unless it is
     /// significant.
-    fn chosen(&self, mesh: &Mesh<Px>, zone: usize, always: bool) -> Option<Fitted> {
+    fn choose_field(&self, mesh: &Mesh<Px>, zone: usize, always: bool) -> Option<Fitted> {
         let mut best: Option<Fitted> = None;
         for grid in Grid::of_zone(mesh, zone) {
             let fitted = self.fit(grid);
@@ -318,7 +318,7 @@ impl Zone {
 
     /// The field on `grid`, or on the next finer one where that is significantly better: it may be seen only when the
     /// displacement has settled.
-    fn followed(&self, mesh: &Mesh<Px>, zone: usize, grid: Grid) -> Fitted {
+    fn refine_field(&self, mesh: &Mesh<Px>, zone: usize, grid: Grid) -> Fitted {
         let fitted = self.fit(grid);
         let finer = Grid::of_zone(mesh, zone).into_iter().find(|finer| finer.n_nodes() > grid.n_nodes());
         match finer.map(|finer| self.fit(finer)) {
@@ -328,7 +328,7 @@ impl Zone {
     }
 }
 
-fn interpolated(grid: &Grid, cells: &[[u32; 4]], values: &[[f64; 2]], at: [f64; 2]) -> [f64; 2] {
+fn interpolate(grid: &Grid, cells: &[[u32; 4]], values: &[[f64; 2]], at: [f64; 2]) -> [f64; 2] {
     let (cell, weights) = grid.place(at);
     let mut value = [0.0; 2];
     for (&node, weight) in cells[cell].iter().zip(weights) {
@@ -401,13 +401,13 @@ impl Seen<'_> {
 impl Light {
     /// The light that the elements ask for; `None` when the transfers of the zones are enough, which with `always` is so
     /// only where no element matches.
-    pub fn found(seen: &Seen<'_>, always: bool) -> Option<Self> {
+    pub fn find(seen: &Seen<'_>, always: bool) -> Option<Self> {
         let n_zones = seen.mesh.zones().len();
         let nodes = vec![GreyTransfer::NONE; seen.mesh.n_nodes()];
         let mut light = Self { grids: vec![None; n_zones], nodes, is_held: false };
         for zone in 0..n_zones {
             let Some(said) = seen.zone(zone) else { continue };
-            if let Some(fitted) = said.chosen(seen.mesh, zone, always) {
+            if let Some(fitted) = said.choose_field(seen.mesh, zone, always) {
                 light.change(seen, zone, &said, &fitted);
             }
         }
@@ -418,7 +418,7 @@ impl Light {
     pub fn follow(&mut self, seen: &Seen<'_>) {
         for zone in 0..self.grids.len() {
             if let (Some(grid), Some(said)) = (self.grids[zone], seen.zone(zone)) {
-                self.change(seen, zone, &said, &said.followed(seen.mesh, zone, grid));
+                self.change(seen, zone, &said, &said.refine_field(seen.mesh, zone, grid));
             }
         }
     }
@@ -427,7 +427,7 @@ impl Light {
         let cells = fitted.grid.elements();
         let GreyTransfer { gain, offset } = seen.transfer[zone];
         let after = |node: usize| {
-            let [gamma, delta] = interpolated(&fitted.grid, &cells, &fitted.values, seen.mesh.nodes()[node]);
+            let [gamma, delta] = interpolate(&fitted.grid, &cells, &fitted.values, seen.mesh.nodes()[node]);
             let before = self.nodes[node];
             // f = H + gamma m + delta with m = (f + H) / 2, in which m counts from the mean of the zone.
             let factor = (1.0 + 0.5 * gamma) / (1.0 - 0.5 * gamma);

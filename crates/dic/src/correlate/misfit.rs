@@ -150,7 +150,7 @@ impl MisfitTest {
         self.fine
     }
 
-    /// What the residual of a frame says, and [`MisfitTest::looks`]: what both need is made once.
+    /// What the residual of a frame says, and [`MisfitTest::rate_residuals`]: what both need is made once.
     pub fn excess_and_looks(
         &self,
         mesh: &Mesh<Px>,
@@ -159,17 +159,17 @@ impl MisfitTest {
         excluded: &[bool],
         matched: f64,
     ) -> (Excess, Vec<Option<Look>>) {
-        let seen = self.seen_in_zones(mesh, gain, frame);
+        let seen = self.look_at_zones(mesh, gain, frame);
         let noise: Vec<Option<ZoneNoise>> =
             seen.iter().map(|seen| self.noise_of(gain, frame, &sample_of(seen.iter().collect()))).collect();
-        let looks = self.looks_at(mesh, gain, frame, &seen, Some(&noise), excluded, matched);
+        let looks = self.rate_elements(mesh, gain, frame, &seen, Some(&noise), excluded, matched);
         (self.excess(mesh, &seen, &noise), looks)
     }
 
     /// The elements of each zone that are looked at.
-    fn seen_in_zones(&self, mesh: &Mesh<Px>, gain: &NoiseGain, frame: &Residuals<'_>) -> Vec<Vec<Seen>> {
+    fn look_at_zones(&self, mesh: &Mesh<Px>, gain: &NoiseGain, frame: &Residuals<'_>) -> Vec<Vec<Seen>> {
         let of_zone =
-            |zone| mesh.zone_elements(zone).filter_map(|element| self.seen(mesh, gain, frame, element)).collect();
+            |zone| mesh.zone_elements(zone).filter_map(|element| self.look_at(mesh, gain, frame, element)).collect();
         (0..mesh.zones().len()).map(of_zone).collect()
     }
 
@@ -227,7 +227,7 @@ impl MisfitTest {
     /// How far the residual of each element is beyond what that of its zone is; none of elements that say nothing.
     /// Those `excluded` are looked at, but do not say what the noise is; nor do those whose correlation coefficient is
     /// below `matched`, unless all but a few are.
-    pub fn looks(
+    pub fn rate_residuals(
         &self,
         mesh: &Mesh<Px>,
         gain: &NoiseGain,
@@ -235,13 +235,13 @@ impl MisfitTest {
         excluded: &[bool],
         matched: f64,
     ) -> Vec<Option<Look>> {
-        let seen = self.seen_in_zones(mesh, gain, frame);
-        self.looks_at(mesh, gain, frame, &seen, None, excluded, matched)
+        let seen = self.look_at_zones(mesh, gain, frame);
+        self.rate_elements(mesh, gain, frame, &seen, None, excluded, matched)
     }
 
     /// The same at the elements `seen`, where the noise that all of a zone show may be known.
     #[allow(clippy::too_many_arguments, reason = "those of `looks`, and what is known")]
-    fn looks_at(
+    fn rate_elements(
         &self,
         mesh: &Mesh<Px>,
         gain: &NoiseGain,
@@ -282,7 +282,7 @@ impl MisfitTest {
         looks
     }
 
-    fn seen(&self, mesh: &Mesh<Px>, gain: &NoiseGain, frame: &Residuals<'_>, element: usize) -> Option<Seen> {
+    fn look_at(&self, mesh: &Mesh<Px>, gain: &NoiseGain, frame: &Residuals<'_>, element: usize) -> Option<Seen> {
         let found = &frame.elements[element];
         let nodes = mesh.elements()[element];
         let corners = if nodes[2] == nodes[3] { 3 } else { 4 };
@@ -366,7 +366,7 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
                 (0..3).for_each(|k| (matrix[2][k], matrix[k][2]) = (0.0, 0.0));
                 (matrix[2][2], rhs[2]) = (1.0, 0.0);
             }
-            let Some((solution, variance)) = solved(matrix, rhs) else {
+            let Some((solution, variance)) = solve_symmetric(matrix, rhs) else {
                 // Grey level and gradient may go together.
                 if with_texture {
                     with_texture = false;
@@ -408,7 +408,7 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
 }
 
 /// The solution of three symmetric equations, and the diagonal of the inverse; none where they are singular.
-fn solved(m: [[f64; 3]; 3], rhs: [f64; 3]) -> Option<([f64; 3], [f64; 3])> {
+fn solve_symmetric(m: [[f64; 3]; 3], rhs: [f64; 3]) -> Option<([f64; 3], [f64; 3])> {
     let cofactor = |i: usize, j: usize| {
         let [a, b, c, d] = [(i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3];
         m[a][c] * m[b][d] - m[a][d] * m[b][c]

@@ -1,6 +1,6 @@
 //! Nodes of a coarse level that have lost their way, told by those around them.
 
-use super::filled::filled;
+use super::filled::fill_field;
 use crate::linalg::Pattern;
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -11,15 +11,15 @@ const RATIO: f64 = 2.0;
 const FLOOR_PX: f64 = 0.1;
 
 /// The displacement of a level with that of nodes that have lost their way as the field around them would have it.
-pub(super) fn without_outliers(mesh: &Mesh<Px>, pattern: &Pattern, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let known = outlying(pattern, displacement).into_iter().map(|off| !off).collect();
-    filled(mesh, displacement, known)
+pub(super) fn replace_outliers(mesh: &Mesh<Px>, pattern: &Pattern, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let known = find_outliers(pattern, displacement).into_iter().map(|off| !off).collect();
+    fill_field(mesh, displacement, known)
 }
 
 /// Which nodes the displacement of their neighbours speaks against, component by component: the median test (Westerweel and Scarano, Experiments in
 /// Fluids 39, 2005). What a node may be off the median of its neighbours is told by what these differ from theirs, since at a border all lie on
 /// one side of it.
-fn outlying(pattern: &Pattern, displacement: &[[f64; 2]]) -> Vec<bool> {
+fn find_outliers(pattern: &Pattern, displacement: &[[f64; 2]]) -> Vec<bool> {
     let others =
         |node: usize| pattern.neighbours(node).iter().map(|&other| other as usize).filter(move |&other| other != node);
     let mut is_off = vec![false; displacement.len()];
@@ -67,7 +67,7 @@ mod tests {
         let named = |field: &dyn Fn([f64; 2]) -> [f64; 2], moved: &[(usize, [f64; 2])]| -> Vec<usize> {
             let mut displacement: Vec<[f64; 2]> = mesh.nodes().iter().map(|&x| field(x)).collect();
             moved.iter().for_each(|&(node, by)| (0..2).for_each(|c| displacement[node][c] += by[c]));
-            let off = outlying(&pattern, &displacement);
+            let off = find_outliers(&pattern, &displacement);
             (0..off.len()).filter(|&node| off[node]).collect()
         };
         let strained = |[x, y]: [f64; 2]| [3.0 + 0.02 * x - 0.05 * y, 0.05 * x - 0.01 * y];
@@ -87,7 +87,7 @@ mod tests {
         // They go where the others are.
         let mut displacement: Vec<[f64; 2]> = mesh.nodes().iter().map(|&x| pulled(x)).collect();
         displacement[inside][0] += 3.0;
-        let mended = without_outliers(&mesh, &pattern, &displacement);
+        let mended = replace_outliers(&mesh, &pattern, &displacement);
         let far = mended.iter().zip(mesh.nodes()).map(|(u, &x)| (u[0] - pulled(x)[0]).abs()).fold(0.0, f64::max);
         assert!(far < 0.05, "{far}");
         assert_eq!(median(&mut [3.0, 1.0, 2.0]), 2.0);

@@ -26,7 +26,10 @@ impl<'a> Overlap<'a> {
     }
 
     /// Does `work` on the threads that frames share; it may tell where the next one may begin.
-    pub(super) fn together<T: Send>(&mut self, work: impl FnOnce(&mut (dyn FnMut(Start) + Send)) -> T + Send) -> T {
+    pub(super) fn share_threads<T: Send>(
+        &mut self,
+        work: impl FnOnce(&mut (dyn FnMut(Start) + Send)) -> T + Send,
+    ) -> T {
         match &mut self.with {
             Some(With { pool, settled }) => pool.install(|| work(*settled)),
             None => work(&mut |_| ()),

@@ -44,14 +44,14 @@ impl<B: Backend> Own<B> {
                 let solver = regulariser.solver(data.clone()).unwrap_or_else(|_| Solver::iterative(data));
                 solver.with_responses_of(&level.solver)
             }
-            None => level.solver.changed(nodes, elements, |element| &changed.of(element).matrix),
+            None => level.solver.change_rows(nodes, elements, |element| &changed.of(element).matrix),
         };
         Ok(Self { solver: backend.solver_like(&level.prepared, solver, &level.solver)?, changed })
     }
 
     /// Gives its memory to the next one of the level.
     pub fn give_back(self, backend: &B, level: &Level<B>) {
-        if let Some(solver) = backend.reclaimed(self.solver) {
+        if let Some(solver) = backend.reclaim(self.solver) {
             level.solver.take_back(solver);
         }
     }

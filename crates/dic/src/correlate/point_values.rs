@@ -26,7 +26,7 @@ impl PointValuesOf {
     }
 
     /// The frame with them, where it has a field.
-    pub fn given(&self, mut found: Correlation) -> Correlation {
+    pub fn add_to(&self, mut found: Correlation) -> Correlation {
         let field = &mut found.measurement;
         field.points = field.status.has_field().then(|| match self.is_regularised {
             true => PointFilter::none().of(field),

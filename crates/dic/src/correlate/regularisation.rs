@@ -202,7 +202,7 @@ impl Regulariser {
     }
 
     /// The same ready for factors, without which only a penalty that acts over a few elements can be solved with, in steps.
-    pub fn factored(mut self, mesh: &Mesh<Px>) -> Self {
+    pub fn prepare_factor(mut self, mesh: &Mesh<Px>) -> Self {
         if let Self::Penalty(Penalty { matrix, order, .. }) = &mut self {
             *order = dissection(matrix.pattern(), mesh.nodes(), 0..mesh.n_nodes());
         }

@@ -11,7 +11,7 @@
 use super::correlation::{Correlation, StartUsed};
 use super::correlator::{Correlator, MATCHED};
 use super::error::CorrelationError;
-use super::filled::continued;
+use super::filled::continue_field;
 use super::gradient_noise::{OfElement, without_noise};
 use super::iterate::{Limits, Outcome, Turn, iterate, nothing};
 use super::level::{Level, support};
@@ -63,7 +63,7 @@ const TRIES: i32 = 8;
 
 impl<B: Backend> Correlator<B> {
     /// How far the residual of each element is beyond that of its zone.
-    fn looks(&self, elements: &[ElementMatch], found: &Found, excluded: &[bool]) -> Vec<Option<Look>> {
+    fn rate_residuals(&self, elements: &[ElementMatch], found: &Found, excluded: &[bool]) -> Vec<Option<Look>> {
         let of_element = if self.options.brightness == Brightness::Element { 2.0 } else { 0.0 };
         let residuals = Residuals {
             elements,
@@ -73,11 +73,11 @@ impl<B: Backend> Correlator<B> {
             freedom_of_element: of_element,
             noise: self.options.noise.constant(),
         };
-        self.misfit_test.looks(self.mesh(), &self.noise_gain, &residuals, excluded, MATCHED)
+        self.misfit_test.rate_residuals(self.mesh(), &self.noise_gain, &residuals, excluded, MATCHED)
     }
 
     /// The elements to leave out from now on.
-    fn tested(
+    fn choose_mismatched(
         &self,
         elements: &[ElementMatch],
         found: &Found,
@@ -85,7 +85,7 @@ impl<B: Backend> Correlator<B> {
         times: &mut [u8],
         back: bool,
     ) -> Vec<bool> {
-        let looks = self.looks(elements, found, excluded);
+        let looks = self.rate_residuals(elements, found, excluded);
         let is_out = |(element, look): (usize, Option<Look>)| {
             let was = excluded[element];
             let Some(Look { ratio, px, share }) = look else { return was };
@@ -133,14 +133,14 @@ impl<B: Backend> Correlator<B> {
         for _ in 0..ROUNDS {
             let any = excluded.contains(&true);
             let elements = if any {
-                found.displacement = continued(mesh, &found.displacement, &found.elements);
+                found.displacement = continue_field(mesh, &found.displacement, &found.elements);
                 self.backend.place(prepared, frame, field, &found.displacement)?;
                 self.backend.observe(prepared, frame, field)?;
                 self.backend.all_sums(prepared, frame, field)?.iter().map(ElementMatch::from).collect()
             } else {
                 found.elements.clone()
             };
-            let mut next = self.tested(&elements, found, excluded, &mut times, true);
+            let mut next = self.choose_mismatched(&elements, found, excluded, &mut times, true);
             if next == *excluded && outcome.status == Status::Converged && astray.contains(&true) {
                 // The rest has settled: what only hindered it may come back, once.
                 for element in 0..mesh.n_elements() {
@@ -148,11 +148,11 @@ impl<B: Backend> Correlator<B> {
                         (times[element], came_back[element]) = (TIMES - 1, true);
                     }
                 }
-                next = self.tested(&elements, found, excluded, &mut times, true);
+                next = self.choose_mismatched(&elements, found, excluded, &mut times, true);
             }
             if any {
                 let at = std::mem::take(&mut found.displacement);
-                *found = Found { displacement: at, ..self.backend.found(prepared, frame, field)? };
+                *found = Found { displacement: at, ..self.backend.read_field(prepared, frame, field)? };
             }
             if next == *excluded {
                 break;
@@ -173,7 +173,7 @@ impl<B: Backend> Correlator<B> {
                     (times[element], astray[element]) = (TIMES, !came_back[element]);
                 }
             }
-            *found = self.backend.found(prepared, frame, field)?;
+            *found = self.backend.read_field(prepared, frame, field)?;
             if outcome.status == Status::Diverged || self.is_gone(&found.elements) {
                 break;
             }
@@ -193,7 +193,7 @@ impl<B: Backend> Correlator<B> {
         let level = &self.levels[0];
         let limits = self.rest_limits(turn);
         match light {
-            Some(light) => self.in_light(frame, field, light, found, limits),
+            Some(light) => self.iterate_in_light(frame, field, light, found, limits),
             None => Ok(iterate(&self.backend, level, frame, field, limits, &self.kernel, nothing)?),
         }
     }
@@ -206,7 +206,7 @@ impl<B: Backend> Correlator<B> {
 
     /// After an iteration of the elements that are left: where it has not settled, iterates on without those around nodes that have gone astray from
     /// `safe` or still move, until the rest has or nothing is left.
-    pub(super) fn without_astray(
+    pub(super) fn iterate_without_astray(
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
@@ -220,7 +220,7 @@ impl<B: Backend> Correlator<B> {
                 break;
             }
             self.leave_out_astray(frame, field, safe, &outcome, excluded, tries)?;
-            if self.is_gone(&self.backend.found(&level.prepared, frame, field)?.elements) {
+            if self.is_gone(&self.backend.read_field(&level.prepared, frame, field)?.elements) {
                 break;
             }
             let (limits, before) = (self.rest_limits(outcome.turn), outcome.iterations);
@@ -245,14 +245,14 @@ impl<B: Backend> Correlator<B> {
         let settled_px = SETTLED_PX * 0.5f64.powi(tries - 1);
         let level = &self.levels[0];
         let prepared = &level.prepared;
-        let now = self.backend.found(prepared, frame, field)?.displacement;
+        let now = self.backend.read_field(prepared, frame, field)?.displacement;
         let ran_away = outcome.status == Status::Diverged;
         let then = match ran_away {
             true => now.clone(),
             false => {
                 let one = Limits { max_iterations: 1, ..self.rest_limits(outcome.turn) };
                 iterate(&self.backend, level, frame, field, one, &self.kernel, nothing)?;
-                self.backend.found(prepared, frame, field)?.displacement
+                self.backend.read_field(prepared, frame, field)?.displacement
             }
         };
         let off = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
@@ -291,10 +291,10 @@ impl<B: Backend> Correlator<B> {
         let active: Vec<bool> = moments.iter().map(|moments| moments.n > 0.0).collect();
         let texture = PenaltyScale { matrix: &matrix, support: &support(pattern, moments), seen: keep };
         let regulariser = Regulariser::new(smooth, mesh, pattern, &active, &texture)?;
-        Some(if mesh.n_nodes() <= FACTORED_UP_TO { regulariser.factored(mesh) } else { regulariser })
+        Some(if mesh.n_nodes() <= FACTORED_UP_TO { regulariser.prepare_factor(mesh) } else { regulariser })
     }
 
-    /// [`Correlator::down_the_pyramid`], smoothly as long as it is not known what does not match.
+    /// [`Correlator::descend_pyramid`], smoothly as long as it is not known what does not match.
     pub(super) fn smooth_pyramid(
         &self,
         frame: &mut B::Frame,
@@ -315,7 +315,7 @@ impl<B: Backend> Correlator<B> {
             // Once with all elements, and once without those that do not match.
             for round in 0..2 {
                 if round > 0 {
-                    let poor = poor(&level.mesh, &self.backend.found(prepared, frame, &field)?.elements);
+                    let poor = find_poor(&level.mesh, &self.backend.read_field(prepared, frame, &field)?.elements);
                     if !poor.contains(&true) {
                         break;
                     }
@@ -330,12 +330,12 @@ impl<B: Backend> Correlator<B> {
             }
             field = self.backend.start_finer(&finer.prepared, frame, &field, moved)?;
         }
-        let (displacement, transfer) = self.backend.started(&self.levels[0].prepared, frame, &field)?;
-        self.second_try(frame, &Start::new(displacement, transfer), start, iterations)
+        let (displacement, transfer) = self.backend.read_start(&self.levels[0].prepared, frame, &field)?;
+        self.try_smoothly(frame, &Start::new(displacement, transfer), start, iterations)
     }
 
     /// Whether a frame that has not converged is tried once more: who allows only a few iterations does not want it.
-    pub(super) fn tries_again(&self) -> bool {
+    pub(super) fn may_try_again(&self) -> bool {
         self.options.max_iterations >= SMOOTH_ITERATIONS
     }
 
@@ -358,7 +358,7 @@ impl<B: Backend> Correlator<B> {
 
     /// A second try of a frame that has not converged, from `from`: smoothly until the elements that do not match are known, then
     /// without them.
-    pub(super) fn second_try(
+    pub(super) fn try_smoothly(
         &self,
         frame: &mut B::Frame,
         from: &Start,
@@ -368,7 +368,7 @@ impl<B: Backend> Correlator<B> {
         let level = &self.levels[0];
         let Level { mesh, prepared, .. } = level;
         let smoother = self.smoother(0);
-        let (mut field, mut excluded) = self.started(frame, from)?;
+        let (mut field, mut excluded) = self.start_field(frame, from)?;
         self.backend.observe(prepared, frame, &mut field)?;
         let mut times = vec![0u8; mesh.n_elements()];
         let mut iterations = 0;
@@ -382,10 +382,10 @@ impl<B: Backend> Correlator<B> {
                 outcome.own = None;
                 return self.finish(frame, &mut field, outcome, start, coarse_iterations, excluded);
             }
-            let found = self.backend.found(prepared, frame, &field)?;
+            let found = self.backend.read_field(prepared, frame, &field)?;
             let all = self.backend.all_sums(prepared, frame, &field)?;
             let elements: Vec<ElementMatch> = all.iter().map(ElementMatch::from).collect();
-            let next = self.tested(&elements, &found, &excluded, &mut times, true);
+            let next = self.choose_mismatched(&elements, &found, &excluded, &mut times, true);
             if next == excluded {
                 break;
             }
@@ -393,22 +393,22 @@ impl<B: Backend> Correlator<B> {
             // What was pulled along by something else goes where the field around it is.
             let mut counted = elements;
             counted.iter_mut().zip(&excluded).filter(|(_, out)| **out).for_each(|(element, _)| element.n = 0.0);
-            let displacement = continued(mesh, &found.displacement, &counted);
+            let displacement = continue_field(mesh, &found.displacement, &counted);
             self.backend.place(prepared, frame, &mut field, &displacement)?;
             self.backend.observe(prepared, frame, &mut field)?;
             self.backend.exclude(prepared, frame, &mut field, &excluded)?;
         }
-        let safe = self.backend.found(prepared, frame, &field)?.displacement;
+        let safe = self.backend.read_field(prepared, frame, &field)?.displacement;
         let limits = self.rest_limits(self.turn(level, &safe));
         let mut outcome = iterate(&self.backend, level, frame, &mut field, limits, &self.kernel, nothing)?;
         outcome.iterations += iterations;
-        let outcome = self.without_astray(frame, &mut field, &safe, outcome, &mut excluded)?;
+        let outcome = self.iterate_without_astray(frame, &mut field, &safe, outcome, &mut excluded)?;
         self.finish(frame, &mut field, outcome, start, coarse_iterations, excluded)
     }
 }
 
 /// Elements that match much worse than those of their zone do.
-fn poor(mesh: &Mesh<Px>, elements: &[ElementMatch]) -> Vec<bool> {
+fn find_poor(mesh: &Mesh<Px>, elements: &[ElementMatch]) -> Vec<bool> {
     let mut poor = vec![false; elements.len()];
     for zone in 0..mesh.zones().len() {
         let mut sorted: Vec<f64> =

@@ -117,7 +117,7 @@ pub(super) fn first_motion(reference: &GreyMap, deformed: &GreyMap, bounds: Roi,
         return None;
     }
     let matches = match_tiles(reference, deformed, tiles);
-    let agreed = agreed_motion(&matches)?;
+    let agreed = find_agreed_motion(&matches)?;
     let n_agree = matches.iter().filter(|tile| agreed.agrees(tile)).count();
     (n_agree as f64 >= FIRST_AGREE * matches.len() as f64).then(|| Motion::of(agreed))
 }
@@ -125,7 +125,7 @@ pub(super) fn first_motion(reference: &GreyMap, deformed: &GreyMap, bounds: Roi,
 /// The motions worth trying for one zone, the most probable first; the last is rest.
 pub(super) fn motions(reference: &GreyMap, deformed: &GreyMap, bounds: Roi, pixels: &PixelSet) -> Vec<Motion> {
     let matches = match_tiles(reference, deformed, tiles(reference, bounds, pixels, 1));
-    let agreed = agreed_motion(&matches);
+    let agreed = find_agreed_motion(&matches);
     let mut motions: Vec<Motion> = agreed.map(Motion::of).into_iter().collect();
     // A specimen that bends or breaks moves differently in different places.
     motions.push(Motion::with_deviations(agreed.unwrap_or(Affine::translation([0.0; 2])), &matches));
@@ -272,7 +272,7 @@ fn transform(values: &mut [Complex32], fft: &Arc<dyn Fft<f32>>) {
 
 /// The affine motion that the most tiles agree on (random sampling with fixed seeds, Fischler & Bolles
 /// 1981), refined by least squares on those; `None` when too few agree.
-fn agreed_motion(matches: &[Match]) -> Option<Affine> {
+fn find_agreed_motion(matches: &[Match]) -> Option<Affine> {
     /// Draws of three tiles: where three tenths agree, all draws miss them in one of 50 000 searches.
     const TRIALS: usize = 400;
     let mut best: Vec<usize> = Vec::new();

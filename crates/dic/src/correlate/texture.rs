@@ -26,7 +26,7 @@ fn noise_margin(support: f64, is_stated: bool) -> f64 {
 /// The block is `sum psi^2 grad f grad f^T`; its smallest eigenvalue over `sum psi^2` is the mean square
 /// gradient in the weakest direction. White noise alone gives `noise^2` times the gain of the gradient: the `blocks`, as
 /// `[xx, xy, yy]`, are those with their noise.
-pub(super) fn faults(
+pub(super) fn find_faults(
     mesh: &Mesh<Px>,
     blocks: &[[f64; 3]],
     support: &[f64],
@@ -123,7 +123,7 @@ const LEAST_CERTAIN_PX: f64 = 0.5;
 
 /// The nodes that their neighbourhood does not determine, whose standard uncertainty would be `sigma_px`: texture confined to a spot gives every node
 /// around it a regular block, but not all of them together a displacement.
-pub(super) fn undetermined(
+pub(super) fn find_undetermined(
     mesh: &Mesh<Px>,
     keep: &[bool],
     sigma_px: impl Fn(usize) -> [f64; 2] + Sync,
@@ -139,7 +139,11 @@ pub(super) fn undetermined(
 
 /// The nodes to blame when the matrix has no factor although none is uncertain by the noise (images
 /// without noise): those far less determined than most, at least the least determined one.
-pub(super) fn least_determined(mesh: &Mesh<Px>, inverse_variance: &[[f64; 2]], keep: &[bool]) -> Vec<TextureFault> {
+pub(super) fn find_least_determined(
+    mesh: &Mesh<Px>,
+    inverse_variance: &[[f64; 2]],
+    keep: &[bool],
+) -> Vec<TextureFault> {
     /// Variance by the median one, from which on a node is far less determined: a hundred times in displacement.
     const FAR: f64 = 1e4;
     let mut kept: Vec<(f64, usize)> =

@@ -70,7 +70,7 @@ impl NodalSpread {
 
     /// That of a frame in which elements have lost pixels, for `solver` of what is left, with the `regulariser` of the level:
     /// done anew around them, see [`REDONE_ROWS`]. `None` when a regularisation does not hold what is left.
-    pub fn changed(
+    pub fn update(
         &self,
         isa: Isa,
         (mesh, moments): (&Mesh<Px>, &[ElementMoments]),
@@ -425,7 +425,7 @@ mod tests {
         let matrix = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
         let scale = PenaltyScale { matrix: &matrix, support: &support, seen: &seen };
         let regulariser = Regulariser::new(regularisation, mesh, &pattern, &active, &scale);
-        let regulariser = regulariser.map(|regulariser| regulariser.factored(mesh));
+        let regulariser = regulariser.map(|regulariser| regulariser.prepare_factor(mesh));
         let with_penalty = |data: BlockMatrix| match &regulariser {
             Some(regulariser) => regulariser.solver(data).unwrap(),
             None => Solver::iterative(data),
@@ -447,7 +447,7 @@ mod tests {
         let (whole, want) = spread_with(&changed);
         assert_eq!(data.blocks(), whole.data().blocks(), "rows made anew are those of the whole matrix");
         let (own, moments) = (with_penalty(data), (&**mesh, &*all));
-        let got = before.changed(isa, moments, &pattern, (&own, regulariser.as_ref()), &changed).unwrap();
+        let got = before.update(isa, moments, &pattern, (&own, regulariser.as_ref()), &changed).unwrap();
         let mut worst = [0.0f64; 3];
         for node in 0..mesh.n_nodes() {
             assert_eq!(got.lambda[node], want.lambda[node], "node {node}");

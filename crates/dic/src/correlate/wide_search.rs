@@ -71,7 +71,7 @@ pub(super) fn wide_motions(reference: &Features, deformed: &Features, zone: &Pix
     let mut pairs = reference.pairs(deformed, zone);
     let mut motions = Vec::new();
     for _ in 0..MOTIONS {
-        let Some(found) = most_agreed(&pairs) else { break };
+        let Some(found) = find_most_agreed(&pairs) else { break };
         let own = |pair: &Pair| found.has(pair);
         let agreed: Vec<Match> = pairs.iter().filter(|pair| own(pair)).map(|pair| on_level(pair, level)).collect();
         let Some(affine) = fit(&agreed) else { break };
@@ -108,7 +108,7 @@ fn on_level(pair: &Pair, level: usize) -> Match {
 }
 
 /// The motion that the most pairs agree on (random sampling with fixed seeds, Fischler & Bolles 1981).
-fn most_agreed(pairs: &[Pair]) -> Option<Similarity> {
+fn find_most_agreed(pairs: &[Pair]) -> Option<Similarity> {
     if pairs.len() < LEAST {
         return None;
     }

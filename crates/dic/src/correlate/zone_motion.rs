@@ -28,13 +28,13 @@ impl<B: Backend> Correlator<B> {
     /// `displacement` of the nodes of the finest level after the motion of each zone with which it matches best on the coarsest: Gauss-Newton
     /// steps with three unknowns per zone, translation and rotation, and then with six, which are those of an affine motion. A zone as a whole is
     /// found from farther off than its nodes are, of which those at a corner may lie on other speckles when it has turned or stretched.
-    pub(super) fn moved_by_zone(
+    pub(super) fn move_by_zone(
         &self,
         frame: &mut B::Frame,
         displacement: &[[f64; 2]],
         transfer: &[GreyTransfer],
     ) -> Result<Vec<[f64; 2]>, CorrelationError> {
-        let start = self.on_coarsest(displacement);
+        let start = self.carry_to_coarsest(displacement);
         let level = &self.levels[self.levels.len() - 1];
         let system = ZoneSystem::new(level);
         let zones = 0..level.mesh.zones().len();

@@ -1,6 +1,6 @@
 //! A case file as it was read, and what each command takes of it.
 
-use super::explain::{explained, heading};
+use super::explain::{explain, heading};
 use super::{CaseError, CaseFile, CaseText};
 use serde::Deserialize;
 use std::io::ErrorKind;
@@ -115,7 +115,7 @@ impl CaseDocument {
     /// # Errors
     /// No TOML, a key that no section has, a value of the wrong kind.
     pub fn parse(text: &str, path: &Path) -> Result<Self, CaseError> {
-        let table = DeTable::parse(text).map_err(|error| explained(&error, text, path))?;
+        let table = DeTable::parse(text).map_err(|error| explain(&error, text, path))?;
         let sections = table.get_ref().keys().map(|key| key.get_ref().to_string()).collect();
         Ok(Self { case: case_of(table, text, path)?, text: CaseText::new(path, text), sections })
     }
@@ -126,7 +126,7 @@ impl CaseDocument {
     /// Those of [`Self::parse`].
     pub fn tables(text: &str, path: &Path) -> Result<serde_json::Value, CaseError> {
         Self::parse(text, path)?;
-        toml::from_str(text).map_err(|error| explained(&error, text, path))
+        toml::from_str(text).map_err(|error| explain(&error, text, path))
     }
 
     /// Refuses sections that `reader` does not take.
@@ -166,7 +166,7 @@ impl CaseDocument {
     /// Those of [`Self::parse`].
     pub(crate) fn part(&self, reader: Reader) -> Result<CaseFile, CaseError> {
         let (text, path) = self.text.parts();
-        let table = DeTable::parse(text).map_err(|error| explained(&error, text, path))?;
+        let table = DeTable::parse(text).map_err(|error| explain(&error, text, path))?;
         let span = table.span();
         let sections = table.into_inner().into_iter().filter(|(section, _)| reader.takes(section.get_ref()));
         case_of(Spanned::new(span, sections.collect()), text, path)
@@ -174,7 +174,7 @@ impl CaseDocument {
 }
 
 fn case_of(table: Spanned<DeTable<'_>>, text: &str, path: &Path) -> Result<CaseFile, CaseError> {
-    let case = CaseFile::deserialize(Deserializer::from(table)).map_err(|error| explained(&error, text, path))?;
+    let case = CaseFile::deserialize(Deserializer::from(table)).map_err(|error| explain(&error, text, path))?;
     Ok(CaseFile { base: path.parent().map(Path::to_owned).unwrap_or_default(), ..case })
 }
 

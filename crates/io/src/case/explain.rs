@@ -149,7 +149,7 @@ fn line_and_column(text: &str, at: usize) -> (usize, usize) {
 }
 
 /// Says where `error` is and in plain words what is wrong.
-pub(super) fn explained(error: &toml::de::Error, text: &str, path: &Path) -> CaseError {
+pub(super) fn explain(error: &toml::de::Error, text: &str, path: &Path) -> CaseError {
     let at = error.span().map_or(0, |span| span.start).min(text.len());
     let (line, column) = line_and_column(text, at);
     let found = DeTable::parse(text).ok().and_then(|table| locate(table.get_ref(), at));
@@ -181,13 +181,13 @@ pub(super) fn explained(error: &toml::de::Error, text: &str, path: &Path) -> Cas
             let name = error.span().and_then(|span| text.get(span)).unwrap_or("");
             format!("the key `{name}` is there twice; remove one")
         }
-        (None, _) => typed(text, line).unwrap_or(wrong),
+        (None, _) => guess_meaning(text, line).unwrap_or(wrong),
     };
     CaseError::Invalid { path: path.to_owned(), line, column, key, message }
 }
 
 /// What a line that is no TOML shows that it means: a number with a decimal comma, or a text without quotes.
-fn typed(text: &str, line: usize) -> Option<String> {
+fn guess_meaning(text: &str, line: usize) -> Option<String> {
     let (key, value) = text.lines().nth(line - 1)?.split_once('=')?;
     let (key, value) = (key.trim(), value.split('#').next()?.trim());
     let with_point = value.replacen(',', ".", 1);

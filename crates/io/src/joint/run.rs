@@ -73,7 +73,7 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
     let of_noise: Vec<ElementMatrix> = of_noise.collect();
     let normal_matrix = store.normal_matrices()?.map(|list| RunMatrix {
         corners: measured.elements().to_vec(),
-        matrices: list.into_iter().map(|matrix| turned(matrix, per_mm)).collect(),
+        matrices: list.into_iter().map(|matrix| flip_y(matrix, per_mm)).collect(),
         of_noise,
     });
     let n_references = store.header().reference.len().max(1);
@@ -108,7 +108,7 @@ fn warnings_beside(store: &Path) -> Vec<Remark> {
 }
 
 /// The matrix times `factor`, with y up: what couples x and y changes its sign.
-fn turned(mut matrix: ElementMatrix, factor: f64) -> ElementMatrix {
+fn flip_y(mut matrix: ElementMatrix, factor: f64) -> ElementMatrix {
     let places = (0..8).flat_map(|row| (row..8).map(move |column| (row, column)));
     for (entry, (row, column)) in matrix.iter_mut().zip(places) {
         *entry *= if row % 2 == column % 2 { factor } else { -factor };

@@ -113,7 +113,7 @@ pub enum LoadError {
         frame: usize,
     },
     /// There is no column of that name to take times from.
-    #[error("{}: there is no column '{column}' to take times from; the columns are {}", path.display(), listed(columns))]
+    #[error("{}: there is no column '{column}' to take times from; the columns are {}", path.display(), list(columns))]
     NoTime {
         /// The file.
         path: PathBuf,
@@ -182,7 +182,7 @@ pub enum LoadError {
     #[error(
         "{}: for a stress one column of force in N (or kN, ...) is needed, of several one named load or force, and none named \
          {STRESS}; the columns are {}",
-        path.display(), listed(columns)
+        path.display(), list(columns)
     )]
     Force {
         /// The file.
@@ -191,7 +191,7 @@ pub enum LoadError {
         columns: Vec<String>,
     },
     /// No column of forces, or too many to choose from.
-    #[error("{}: {}; the columns are {}", path.display(), no_force(column.as_deref()), listed(columns))]
+    #[error("{}: {}; the columns are {}", path.display(), no_force(column.as_deref()), list(columns))]
     NoForce {
         /// The file.
         path: PathBuf,
@@ -222,7 +222,7 @@ pub enum LoadError {
     },
 }
 
-fn listed(names: &[String]) -> String {
+fn list(names: &[String]) -> String {
     names.join(", ")
 }
 

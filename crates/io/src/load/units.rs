@@ -54,8 +54,8 @@ pub(super) struct Named {
 impl Named {
     /// From a cell of the header and, where there is one, the cell with its unit below.
     pub fn new(header: &str, below: Option<&str>) -> Self {
-        let (base, unit, is_explicit) = match (bracketed(header), below.map(bare).filter(|unit| !unit.is_empty())) {
-            (_, Some(unit)) => (bracketed(header).map_or(header, |(base, _)| base).to_owned(), Some(unit), true),
+        let (base, unit, is_explicit) = match (split_unit(header), below.map(bare).filter(|unit| !unit.is_empty())) {
+            (_, Some(unit)) => (split_unit(header).map_or(header, |(base, _)| base).to_owned(), Some(unit), true),
             (Some((base, unit)), None) => (base.to_owned(), Some(unit), true),
             (None, None) => match header.rsplit_once('_').filter(|(base, unit)| !base.is_empty() && !unit.is_empty()) {
                 Some((base, unit)) => (base.to_owned(), Some(unit), false),
@@ -89,7 +89,7 @@ pub(super) fn is_unit(cell: &str) -> bool {
 }
 
 /// `load [N]` or `load (N)` as name and unit.
-fn bracketed(cell: &str) -> Option<(&str, &str)> {
+fn split_unit(cell: &str) -> Option<(&str, &str)> {
     [('[', ']'), ('(', ')')].into_iter().find_map(|(open, close)| {
         let (name, unit) = cell.strip_suffix(close)?.rsplit_once(open)?;
         Some((name.trim(), unit.trim()))

@@ -84,7 +84,7 @@ impl<'a> Msh<'a> {
 
     fn parse<T: std::str::FromStr>(&mut self, what: &str) -> Result<T, MeshFileFault> {
         let (start, word) = self.word(what)?;
-        word.parse().map_err(|_| self.invalid(start, format!("'{}' where {what} should stand", shortened(word))))
+        word.parse().map_err(|_| self.invalid(start, format!("'{}' where {what} should stand", shorten(word))))
     }
 
     /// The next `size` bytes, lowest first.
@@ -147,7 +147,7 @@ impl<'a> Msh<'a> {
             "2.2" | "2.1" | "2" => Version::V22,
             other => {
                 return Err(MeshFileFault::Unsupported {
-                    what: format!("version {} of .msh files", shortened(other)),
+                    what: format!("version {} of .msh files", shorten(other)),
                     remedy,
                 });
             }
@@ -161,7 +161,7 @@ impl<'a> Msh<'a> {
                 let word = match word {
                     "8" => 8,
                     "4" => 4,
-                    other => return Err(self.invalid(word_at, format!("numbers of {} bytes", shortened(other)))),
+                    other => return Err(self.invalid(word_at, format!("numbers of {} bytes", shorten(other)))),
                 };
                 self.at += 1; // the end of the line; a 1 that shows the order of bytes follows
                 let one = self.take(4, true, "the order of bytes")?;
@@ -174,7 +174,7 @@ impl<'a> Msh<'a> {
                 self.numbers = Numbers::Binary { little, word };
                 return Ok(read);
             }
-            other => return Err(self.invalid(kind_at, format!("'{}' is not a kind of .msh file", shortened(other)))),
+            other => return Err(self.invalid(kind_at, format!("'{}' is not a kind of .msh file", shorten(other)))),
         }
         self.end("MeshFormat")?;
         Ok(read)
@@ -196,7 +196,7 @@ impl<'a> Msh<'a> {
                 self.at = (self.at + 1).min(self.bytes.len());
                 Ok(Some(name.to_owned()))
             }
-            _ => Err(self.invalid(start, format!("'{}' where a section should begin", shortened(word)))),
+            _ => Err(self.invalid(start, format!("'{}' where a section should begin", shorten(word)))),
         }
     }
 
@@ -211,7 +211,7 @@ impl<'a> Msh<'a> {
 }
 
 /// A word of a damaged file, fit for a message.
-fn shortened(word: &str) -> String {
+fn shorten(word: &str) -> String {
     let short: String = word.chars().take(20).collect();
     short.escape_debug().to_string()
 }

@@ -42,7 +42,7 @@ pub(super) fn face_each_other(
     element: f64,
     notes: &mut Vec<String>,
 ) -> Result<Faces, String> {
-    let meshes = expanded(&mut case.zones, &case.base)?;
+    let meshes = expand_groups(&mut case.zones, &case.base)?;
     let at = numbers(&case.zones, names)?;
     let shapes = [0, 1].map(|k| shape(&case.zones[at[k]], meshes[at[k]].as_ref()));
     let [first, second] = shapes;
@@ -73,7 +73,7 @@ pub(super) fn face_each_other(
 }
 
 /// Makes one zone of each group of a mesh file, under the name that a correlation gives it; their elements, where they have such.
-fn expanded(zones: &mut Vec<CaseZone>, base: &Path) -> Result<Vec<Option<ZoneElements>>, String> {
+fn expand_groups(zones: &mut Vec<CaseZone>, base: &Path) -> Result<Vec<Option<ZoneElements>>, String> {
     let mut meshes = Vec::new();
     let mut all = Vec::new();
     for zone in zones.drain(..) {

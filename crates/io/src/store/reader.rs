@@ -154,7 +154,7 @@ impl Store {
         match chunk::<u8>(&self.folder, &self.status, &at, Some(number))?.as_deref() {
             None | Some([NOT_DONE]) => Ok(None),
             Some(&[code]) if Status::from_code(code).is_some() => Ok(Status::from_code(code)),
-            Some(codes) => Err(self.damaged(&self.status, &at, number, format!("{codes:?} is not a status"))),
+            Some(codes) => Err(self.report_damage(&self.status, &at, number, format!("{codes:?} is not a status"))),
         }
     }
 
@@ -172,7 +172,7 @@ impl Store {
         let at = [number as u64 - 1];
         match chunk::<u32>(&self.folder, &array, &at, Some(number))?.as_deref() {
             Some(&[frame]) => Ok(Some(frame as usize)),
-            Some(frames) => Err(self.damaged(&array, &at, number, format!("{} numbers, not 1", frames.len()))),
+            Some(frames) => Err(self.report_damage(&array, &at, number, format!("{} numbers, not 1", frames.len()))),
             None => Err(StoreError::MissingChunk { file: self.reference_frame_file(number), frame: Some(number) }),
         }
     }
@@ -430,12 +430,12 @@ impl Store {
         Ok(values)
     }
 
-    fn damaged(&self, array: &Array<Folder>, at: &[u64], number: usize, reason: String) -> StoreError {
+    fn report_damage(&self, array: &Array<Folder>, at: &[u64], number: usize, reason: String) -> StoreError {
         StoreError::DamagedChunk { file: self.folder.file(&array.chunk_key(at)), frame: Some(number), reason }
     }
 
     fn damaged_variable(&self, number: usize, variable: Variable, reason: String) -> StoreError {
-        self.damaged(self.array(variable), &place_of(number, variable), number, reason)
+        self.report_damage(self.array(variable), &place_of(number, variable), number, reason)
     }
 }
 

@@ -418,14 +418,14 @@ impl StoreWriter {
         };
         let unknown = |of: &Self| vec![[f64::NAN; 2]; of.mesh.n_nodes()];
         match variable {
-            Variable::Displacement => self.encoded(array, &at, kept(&measurement.displacement).as_flattened()),
-            Variable::Sigma => self.encoded(array, &at, singles(kept(&measurement.sigma).as_flattened()).as_slice()),
+            Variable::Displacement => self.encode(array, &at, kept(&measurement.displacement).as_flattened()),
+            Variable::Sigma => self.encode(array, &at, singles(kept(&measurement.sigma).as_flattened()).as_slice()),
             Variable::Measured => {
                 let measured: Vec<u8> = measurement.measured.iter().copied().map(u8::from).collect();
-                self.encoded(array, &at, measured.as_slice())
+                self.encode(array, &at, measured.as_slice())
             }
-            Variable::StrainElement => self.encoded(array, &at, strain_values(&strain.elements).as_slice()),
-            Variable::StrainNode => self.encoded(array, &at, strain_values(&strain.nodes).as_slice()),
+            Variable::StrainElement => self.encode(array, &at, strain_values(&strain.elements).as_slice()),
+            Variable::StrainNode => self.encode(array, &at, strain_values(&strain.nodes).as_slice()),
             Variable::StrainWindow | Variable::SigmaStrainWindow => {
                 let is_strain = variable == Variable::StrainWindow;
                 let one = |at: &Option<(TensorStrain, [f64; 3])>| {
@@ -433,42 +433,42 @@ impl StoreWriter {
                 };
                 let found = strain.window.as_ref().map(|window| window.nodes.iter().map(one).collect());
                 let found = found.unwrap_or_else(|| vec![None; self.mesh.n_nodes()]);
-                self.encoded(array, &at, strain_values(&found).as_slice())
+                self.encode(array, &at, strain_values(&found).as_slice())
             }
-            Variable::Residual => self.encoded(array, &at, singles(&measurement.element_residual).as_slice()),
+            Variable::Residual => self.encode(array, &at, singles(&measurement.element_residual).as_slice()),
             Variable::ModelError => {
                 let known = measurement.model_error.as_ref().map(|model| kept(&model.nodes));
-                self.encoded(array, &at, singles(known.unwrap_or_else(|| unknown(self)).as_flattened()).as_slice())
+                self.encode(array, &at, singles(known.unwrap_or_else(|| unknown(self)).as_flattened()).as_slice())
             }
             Variable::Misfit => {
                 let unknown = vec![f64::NAN; self.mesh.n_elements()];
                 let known = measurement.model_error.as_ref().map(|model| singles(&model.misfit));
-                self.encoded(array, &at, known.unwrap_or_else(|| singles(&unknown)).as_slice())
+                self.encode(array, &at, known.unwrap_or_else(|| singles(&unknown)).as_slice())
             }
             Variable::Mark => {
                 let known = measurement.marks.as_ref().map(|marks| marks.iter().map(|mark| mark.code()).collect());
                 let codes: Vec<u8> = known.unwrap_or_else(|| vec![UNKNOWN_MARK; self.mesh.n_elements()]);
-                self.encoded(array, &at, codes.as_slice())
+                self.encode(array, &at, codes.as_slice())
             }
             Variable::DisplacementPoint => {
                 let known = measurement.points.as_ref().map(|points| kept(&points.displacement));
-                self.encoded(array, &at, known.unwrap_or_else(|| unknown(self)).as_flattened())
+                self.encode(array, &at, known.unwrap_or_else(|| unknown(self)).as_flattened())
             }
             Variable::SigmaPoint => {
                 let known = measurement.points.as_ref().map(|points| kept(&points.sigma));
-                self.encoded(array, &at, singles(known.unwrap_or_else(|| unknown(self)).as_flattened()).as_slice())
+                self.encode(array, &at, singles(known.unwrap_or_else(|| unknown(self)).as_flattened()).as_slice())
             }
             Variable::IsPointValue => {
                 let known = measurement.points.as_ref();
                 let known = known.map(|points| points.is_value.iter().copied().map(u8::from).collect());
                 let codes: Vec<u8> = known.unwrap_or_else(|| vec![NO_POINT; self.mesh.n_nodes()]);
-                self.encoded(array, &at, codes.as_slice())
+                self.encode(array, &at, codes.as_slice())
             }
         }
     }
 
     /// The file of the chunk `at` that is made of `values`.
-    fn encoded<'a>(
+    fn encode<'a>(
         &self,
         array: &Array<Folder>,
         at: &[u64],

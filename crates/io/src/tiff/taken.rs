@@ -9,16 +9,16 @@ const EXIF: u16 = 34665;
 /// Further digits of a second say nothing.
 const MOST_DIGITS: usize = 9;
 
-/// The time in the EXIF data of a file that is no TIFF file, as [`taken`].
+/// The time in the EXIF data of a file that is no TIFF file, as [`read_time`].
 pub(crate) fn taken_of_exif(data: &[u8]) -> Option<String> {
     let data = data.strip_prefix(b"Exif\0\0").unwrap_or(data);
     let file = ByteLayout::of(data).ok()?;
     let first = usize::try_from(file.number(data, file.first(), file.word())?).ok()?;
-    taken(&Directory::read(file, data, first).ok()?, data)
+    read_time(&Directory::read(file, data, first).ok()?, data)
 }
 
 /// The time of a page, by the clock of the camera: `2024-05-01T10:11:12.25`.
-pub(super) fn taken(page: &Directory, bytes: &[u8]) -> Option<String> {
+pub(super) fn read_time(page: &Directory, bytes: &[u8]) -> Option<String> {
     let exif = page.value(bytes, EXIF).and_then(|at| usize::try_from(at).ok());
     let exif = exif.and_then(|at| Directory::read(page.file, bytes, at).ok());
     let text = |tag| exif.iter().chain([page]).find_map(|directory| directory.text(bytes, tag));

@@ -100,7 +100,7 @@ impl Base<'_> {
         let off: Vec<Vec<f64>> = [1.0, -1.0]
             .into_par_iter()
             .map(|sign| {
-                let (problem, boundary) = self.simulated(&noise, sign)?;
+                let (problem, boundary) = self.simulate(&noise, sign)?;
                 let evaluation = problem.evaluate(&self.start(&predicted, sign), &boundary).ok().flatten()?;
                 let local = evaluation.local(self.weights, &problem.noise);
                 let b = Dense::from_fn(local.b.len(), 1, |k, _| local.b[k]);
@@ -140,7 +140,7 @@ impl Base<'_> {
     }
 
     /// The problem and the border that the fitted model gives with this noise.
-    fn simulated(&self, noise: &[Vec<f64>], sign: f64) -> Option<(Problem<'_>, BoundaryHistory)> {
+    fn simulate(&self, noise: &[Vec<f64>], sign: f64) -> Option<(Problem<'_>, BoundaryHistory)> {
         let Problem { joint, observation, noise: known, unknowns, watch } = self.problem;
         let mut data = (**observation).clone();
         for observed in &mut data.instants {
@@ -176,7 +176,7 @@ impl Base<'_> {
     }
 
     fn refit(&self, noise: &[Vec<f64>], sign: f64) -> Refit {
-        let (problem, boundary) = self.simulated(noise, sign)?;
+        let (problem, boundary) = self.simulate(noise, sign)?;
         let covariance = &self.statistics.covariance;
         let n = covariance.n_rows();
         let least = (0..n).map(|k| covariance[(k, k)].sqrt()).fold(f64::INFINITY, f64::min);

@@ -4,7 +4,7 @@ use super::error::{FitError, wrong};
 use super::load_cell::LoadCell;
 use super::noise::{Noise, Precision, even_texture};
 use super::objective::Problem;
-use super::observation::{Observation, ObservedInstant, largest_without_rigid_motion, without};
+use super::observation::{Observation, ObservedInstant, largest_without_rigid_motion, remove_motion};
 use super::options::FitOptions;
 use super::plausibility::implausible_joint;
 use super::remarks;
@@ -475,7 +475,7 @@ fn fields<'a>(joint: &Joint, measured: &'a MeasurementInput, found: &mut Vec<Rem
     for (index, field) in &mut fields.instants {
         let Some(motion) = joint.removed.get(*index) else { continue };
         for (node, u) in field.iter_mut().enumerate() {
-            *u = u.map(|u| without(motion, joint.measured.mesh.nodes()[node], u));
+            *u = u.map(|u| remove_motion(motion, joint.measured.mesh.nodes()[node], u));
         }
     }
     Ok(fields)

@@ -313,7 +313,7 @@ impl Problem<'_> {
         let law = &*law;
         let asked: Vec<&Constant> = constants.iter().filter(|c| c.std > 0.0 && !self.is_fitted(&c.kind)).collect();
         let asked: Vec<&Constant> = asked.into_iter().filter(|c| c.kind != ConstantKind::NoiseLevel).collect();
-        let moved: Vec<Option<Moved>> = asked.par_iter().map(|c| moved(&self.joint.model, &c.kind)).collect();
+        let moved: Vec<Option<Moved>> = asked.par_iter().map(|c| move_constant(&self.joint.model, &c.kind)).collect();
         let tangent_needed =
             moved.iter().any(Option::is_some) || asked.iter().any(|c| matches!(c.kind, ConstantKind::Material { .. }));
         let of_instant = |observed: &ObservedInstant| -> Vec<Option<Change>> {
@@ -390,7 +390,7 @@ pub(super) fn power_of_length(unit: &str) -> f64 {
 }
 
 /// The model with the constant moved a little; `None` where it is another kind, or such a mesh cannot be made.
-fn moved(model: &Model, kind: &ConstantKind) -> Option<Moved> {
+fn move_constant(model: &Model, kind: &ConstantKind) -> Option<Moved> {
     let mesh = model.mesh();
     let by = STEP * mesh.element_size();
     let (nodes, face, distance) = match kind {

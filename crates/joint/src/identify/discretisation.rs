@@ -34,7 +34,7 @@ pub(super) struct Refined {
 impl Problem<'_> {
     /// The model with every element cut into four, the displacements `boundary` of the border carried along its edges; `None`
     /// where that mesh cannot be made or has no solution.
-    pub(super) fn refined(&self, evaluation: &Evaluation, boundary: &BoundaryHistory) -> Option<Refined> {
+    pub(super) fn refine(&self, evaluation: &Evaluation, boundary: &BoundaryHistory) -> Option<Refined> {
         let law = self.unknowns.law_at(&evaluation.x).ok()?;
         let model = &self.joint.model;
         let (mesh, carry) = model.mesh().refined(2).ok()?;

@@ -172,7 +172,7 @@ impl Search<'_> {
             let boundary = self.boundary(&corrections)?;
             let evaluation = self.problem.evaluate(&self.problem.unknowns.unscaled(&z), &boundary)?;
             let omega = evaluation.as_ref().map(|evaluation| self.omega(evaluation));
-            self.problem.watch.tried(omega, self.problem.named(&self.problem.unknowns.unscaled(&z)));
+            self.problem.watch.note_trial(omega, self.problem.named(&self.problem.unknowns.unscaled(&z)));
             let accepted = omega.is_some_and(|omega| omega <= from.omega + ENOUGH * length * slope);
             let rescued = evaluation.as_ref().is_some_and(|evaluation| evaluation.rescued);
             stage.evaluations += 1;

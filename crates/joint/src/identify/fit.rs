@@ -276,7 +276,7 @@ impl Appraisal<'_> {
         if self.options.discretisation == Discretisation::Off {
             return None;
         }
-        let refined = self.problem.refined(&self.end.evaluation, &self.end.boundary);
+        let refined = self.problem.refine(&self.end.evaluation, &self.end.boundary);
         if refined.is_none() && watch.ended().is_some() {
             self.missing.push("the effect of the element size");
         }
@@ -292,7 +292,7 @@ impl Appraisal<'_> {
             return None;
         }
         problem.watch.begins("finite rotations");
-        let turned = problem.turned(&end.evaluation, &end.boundary);
+        let turned = problem.turn(&end.evaluation, &end.boundary);
         let rotations = Rotations::new(turned.map(|change| statistics.shift(&change)), slopes);
         Some(rotations).filter(|rotations| rotations.change.is_some() || problem.watch.ended().is_none())
     }
@@ -337,7 +337,7 @@ impl Appraisal<'_> {
         let misfit = problem.misfit(evaluation, weights, statistics, change, constants)?;
         watch.begins("prescribed parameters as unknowns");
         let released = match options.release {
-            true => problem.released(evaluation, weights, statistics, boundary)?,
+            true => problem.release(evaluation, weights, statistics, boundary)?,
             false => None,
         };
         let ended = options.release && watch.ended().is_some();
@@ -394,7 +394,7 @@ fn appraise(
         _ => None,
     };
     if let Some(axes) = &axes {
-        hold(axes, unknowns, &budget, &mut parameters, &mut derived);
+        widen_to_minima(axes, unknowns, &budget, &mut parameters, &mut derived);
     }
     let eigen = end.local.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
     let singular_values: Vec<f64> = eigen.0.iter().rev().map(|v| v.max(0.0).sqrt()).collect();
@@ -460,7 +460,7 @@ struct Findings<'a> {
 
 /// Judges the fit that ended at `end`.
 fn judge(problem: &Problem<'_>, options: &FitOptions, end: &Minimum, of: &Findings<'_>) -> Verdict {
-    let unfinished = unfinished(end.stage.status, of.cut_short, &problem.unknowns, &end.evaluation.x);
+    let unfinished = reasons_unfinished(end.stage.status, of.cut_short, &problem.unknowns, &end.evaluation.x);
     let statistics = end.statistics.as_ref();
     let noise = statistics.map(|statistics| &statistics.covariance);
     let missing =
@@ -501,7 +501,7 @@ fn judge(problem: &Problem<'_>, options: &FitOptions, end: &Minimum, of: &Findin
 }
 
 /// Widens the intervals to what the objective allows about every minimum, constants and bias as before.
-fn hold(
+fn widen_to_minima(
     axes: &Axes,
     unknowns: &Unknowns,
     budget: &Budget,
@@ -545,7 +545,7 @@ pub fn first_order(problem: &Problem<'_>, weights: WeightKind, x: &[f64]) -> Res
 }
 
 /// Why a fit is not at its end, a sentence each.
-pub(super) fn unfinished(
+pub(super) fn reasons_unfinished(
     status: FitStatus,
     cut_short: Option<&CutShort>,
     unknowns: &Unknowns,

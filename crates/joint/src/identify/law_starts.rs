@@ -105,7 +105,7 @@ pub fn law_like(name: &str, like: &dyn CohesiveLaw) -> Option<Box<dyn CohesiveLa
 ///
 /// # Errors
 /// No such law; one that cannot be started so.
-pub(super) fn started(name: &str, like: &dyn CohesiveLaw) -> Result<Unknowns, FitError> {
+pub(super) fn start_law(name: &str, like: &dyn CohesiveLaw) -> Result<Unknowns, FitError> {
     parameters_by_name(name)?;
     let law = law_like(name, like).ok_or_else(|| {
         let what = format!(
@@ -138,7 +138,7 @@ mod tests {
             let like = law_like(from, &*first).unwrap();
             let wanted = Character::of(&*like).unwrap();
             for to in LAW_NAMES {
-                let unknowns = started(to, &*like).unwrap();
+                let unknowns = start_law(to, &*like).unwrap();
                 let found = Character::of(unknowns.law()).unwrap();
                 for mode in 0..2 {
                     // The exponential laws have one parameter for strength and work of sliding; rounding lowers the peaks of polygons by up to 4 %.

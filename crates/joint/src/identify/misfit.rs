@@ -128,7 +128,7 @@ pub(super) fn as_normal(ratio: f64, freedom: f64) -> f64 {
 
 impl Problem<'_> {
     /// The misfit of a fit that ended at `evaluation` under `weights`; `refined` is the change of the measured rows that a mesh
-    /// cut in four would make ([`Problem::refined`]).
+    /// cut in four would make ([`Problem::refine`]).
     ///
     /// # Errors
     /// A tangent or a covariance without inverse.
@@ -167,11 +167,11 @@ impl Problem<'_> {
             (unit * square, left)
         });
         let constants = of_constants.collect();
-        Ok(self.judged(evaluation, statistics, Unexplained { omega, freedom, floor, constants }))
+        Ok(self.judge(evaluation, statistics, Unexplained { omega, freedom, floor, constants }))
     }
 
     /// The misfit of what was left unexplained at `evaluation`.
-    pub(super) fn judged(
+    pub(super) fn judge(
         &self,
         evaluation: &Evaluation,
         statistics: &Statistics,

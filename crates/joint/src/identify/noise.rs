@@ -128,13 +128,13 @@ impl Precision {
     }
 
     /// Columns of covariance `M^-1` from columns of independent numbers of variance 1.
-    fn coloured(&self, x: &Dense) -> Option<Dense> {
+    fn colour(&self, x: &Dense) -> Option<Dense> {
         Some(match self {
             Self::White(_) => x.clone(),
             Self::Sparse { .. } => self.inverse_times(&self.dense().cholesky().ok()?.half_times(x)),
             Self::Marginal { covariance, .. } => covariance.cholesky().ok()?.half_times(x),
             Self::WithForce { displacements, weight } => {
-                let above = displacements.coloured(&without_last(x))?;
+                let above = displacements.colour(&without_last(x))?;
                 with_last(x, |_| above.clone(), 1.0 / weight.sqrt())
             }
         })
@@ -216,7 +216,7 @@ impl Noise {
         for k in 0..=n_instants {
             white.column_mut(k).iter_mut().for_each(|v| *v = StandardNormal.sample(&mut random));
         }
-        let mut coloured = self.precision.coloured(&white).expect("a precision that was factorised when it was made");
+        let mut coloured = self.precision.colour(&white).expect("a precision that was factorised when it was made");
         let (sigma, tied) = (self.sigma.unwrap_or(1.0), self.common.sqrt());
         let row = |(e, c): (&f64, &f64)| sigma * (e + tied * c);
         let forces: Vec<f64> = match &self.precision {

@@ -136,7 +136,7 @@ impl Problem<'_> {
             steps.get() <= most && !ended()
         };
         let solution = model.forward_while(&*law, boundary, &options, &go_on)?;
-        self.watch.evaluated();
+        self.watch.note_evaluation();
         let slopes = self.unknowns.slopes(x);
         let Observation { nodes, instants, force, .. } = &*self.observation;
         let mut blocks = Vec::with_capacity(instants.len());

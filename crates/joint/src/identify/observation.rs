@@ -99,7 +99,7 @@ pub fn largest_without_rigid_motion(points: &[([f64; 2], [f64; 2])]) -> [f64; 2]
 }
 
 /// The displacement `u` of the point `x` without the rigid motion: what is left is turned back.
-pub fn without(motion: &RigidMotion, x: [f64; 2], u: [f64; 2]) -> [f64; 2] {
+pub fn remove_motion(motion: &RigidMotion, x: [f64; 2], u: [f64; 2]) -> [f64; 2] {
     let (sin, cos) = motion.rotation_rad.sin_cos();
     let rigid = motion.displacement(x);
     let rest = [u[0] - rigid[0], u[1] - rigid[1]];

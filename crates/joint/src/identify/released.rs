@@ -71,7 +71,7 @@ impl Problem<'_> {
     ///
     /// # Errors
     /// A tangent without inverse.
-    pub(super) fn released(
+    pub(super) fn release(
         &self,
         evaluation: &Evaluation,
         weights: &Weights,

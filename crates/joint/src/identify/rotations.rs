@@ -55,7 +55,7 @@ impl Rotations {
 impl Problem<'_> {
     /// The change of the measured rows of each instant compared, mm, when rotations are finite; `None` where they are already, or
     /// where there is no solution.
-    pub(super) fn turned(&self, evaluation: &Evaluation, boundary: &BoundaryHistory) -> Option<Vec<Dense>> {
+    pub(super) fn turn(&self, evaluation: &Evaluation, boundary: &BoundaryHistory) -> Option<Vec<Dense>> {
         let law = self.unknowns.law_at(&evaluation.x).ok()?;
         let model = &self.joint.model;
         let options = ModelOptions { kinematics: Kinematics::Finite, ..*model.options() };

@@ -59,7 +59,7 @@ pub(super) fn run(
         let evaluation = known.take().or_else(|| problem.evaluate(&x, boundary).ok().flatten());
         let local = evaluation.map(|evaluation| evaluation.local(weights, &problem.noise));
         let local = local.filter(|local| local.omega.is_finite());
-        problem.watch.tried(local.as_ref().map(|local| local.omega), problem.named(&x));
+        problem.watch.note_trial(local.as_ref().map(|local| local.omega), problem.named(&x));
         local
     };
     let ended = || problem.watch.ended().map(|ended| (ended.status(), ended.reason()));

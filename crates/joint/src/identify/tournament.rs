@@ -12,7 +12,7 @@ use super::constants::{Constant, ConstantKind};
 use super::error::{FitError, wrong};
 use super::far_starts::other_minima;
 use super::fit::{Fit, fit};
-use super::law_starts::started;
+use super::law_starts::start_law;
 use super::left_out::LeftOut;
 use super::objective::Problem;
 use super::options::FitOptions;
@@ -204,7 +204,7 @@ pub(super) fn check_laws<'n>(
 ) -> Result<Vec<&'n str>, FitError> {
     let names = laws_of(names)?;
     for name in names.iter().filter(|name| **name != own.name()) {
-        let n_parameters = started(name, own)?.n();
+        let n_parameters = start_law(name, own)?.n();
         if n_data < n_parameters {
             return Err(FitError::FewData { n_data, n_parameters });
         }
@@ -294,7 +294,7 @@ pub fn tournament<'a>(
         };
         law.curves = Some(curve_bands_up_to(&law.problem, fit, reach, axes.as_ref())?);
         if let (Some(axes), Some(works)) = (&axes, &mut law.works) {
-            (0..2).for_each(|mode| works[mode] = profiled(fit, mode, works[mode], axes.works()[mode]));
+            (0..2).for_each(|mode| works[mode] = profile_work(fit, mode, works[mode], axes.works()[mode]));
         }
         law.left_out = if ended { None } else { law.problem.left_out(fit, options, law.rejected)? };
         Ok(())
@@ -303,7 +303,7 @@ pub fn tournament<'a>(
     let average = average_of(&laws, best);
     let mut found =
         Tournament { laws, best, alike, average, sentences: Vec::new(), n_data: problem.observation.n_data() };
-    found.sentences = found.said();
+    found.sentences = found.write_sentences();
     Ok(found)
 }
 
@@ -320,7 +320,7 @@ fn of_tournament(options: &FitOptions, n_data: usize) -> FitOptions {
 }
 
 /// The work of separation `work` of a mode with the ends that its profile likelihood has, and the constants.
-fn profiled(fit: &Fit, mode: usize, work: Spread, ends: [Option<f64>; 2]) -> Spread {
+fn profile_work(fit: &Fit, mode: usize, work: Spread, ends: [Option<f64>; 2]) -> Spread {
     let parameter = fit.parameters.iter().position(|p| WORKS[mode].contains(&p.parameter.name));
     let quantity = || fit.derived.iter().position(|d| mode == 1 && d.quantity.name == "phi_t");
     let others = match (parameter, quantity()) {
@@ -351,7 +351,7 @@ fn fit_of(
     let options = FitOptions { starts: Vec::new(), constants, ..options.clone() };
     let mut ends: Vec<(Unknowns, String, Result<Fit, FitError>)> = Vec::new();
     for (k, like) in likes.into_iter().enumerate() {
-        let Ok(unknowns) = started(name, like) else { continue };
+        let Ok(unknowns) = start_law(name, like) else { continue };
         let start = format!(
             "strengths and works of separation of '{}' as {}",
             like.name(),
@@ -489,7 +489,7 @@ fn average_of(laws: &[LawFit<'_>], best: Option<usize>) -> Option<Average> {
 
 impl Tournament<'_> {
     /// What the comparison comes to, a sentence each.
-    fn said(&self) -> Vec<String> {
+    fn write_sentences(&self) -> Vec<String> {
         let list = |places: &[usize]| places.iter().map(|&k| self.laws[k].name()).collect::<Vec<_>>().join(", ");
         let all = |chosen: &dyn Fn(&LawFit<'_>) -> bool| -> Vec<usize> {
             (0..self.laws.len()).filter(|&k| chosen(&self.laws[k])).collect()

@@ -106,9 +106,9 @@ impl Verdict {
 
     /// The verdict on `parameters`.
     pub fn new(parameters: &[FittedParameter], grounds: &Grounds<'_>) -> Self {
-        let against = contradictions(grounds);
+        let against = find_contradictions(grounds);
         let mut open = grounds.unfinished.clone();
-        let undetermined = undetermined(parameters, grounds);
+        let undetermined = find_undetermined(parameters, grounds);
         // Another kind of test helps against what the data leave open, not against a wrong model or noise.
         let missing = grounds.missing.as_ref().filter(|_| !undetermined.is_empty() && against.is_empty());
         open.extend(undetermined);
@@ -231,7 +231,7 @@ pub(super) fn list_of(parameters: &[FittedParameter]) -> String {
 }
 
 /// What speaks against the model.
-pub(super) fn contradictions(grounds: &Grounds<'_>) -> Vec<String> {
+pub(super) fn find_contradictions(grounds: &Grounds<'_>) -> Vec<String> {
     let mut sentences = Vec::new();
     if let Some(misfit) = grounds.misfit
         && misfit.rejected()
@@ -271,7 +271,7 @@ pub(super) fn contradictions(grounds: &Grounds<'_>) -> Vec<String> {
 }
 
 /// The parameters that the data leave open.
-pub(super) fn undetermined(parameters: &[FittedParameter], grounds: &Grounds<'_>) -> Vec<String> {
+pub(super) fn find_undetermined(parameters: &[FittedParameter], grounds: &Grounds<'_>) -> Vec<String> {
     let correlation = grounds.correlation;
     let mut sentences = Vec::new();
     let relative: Vec<f64> = parameters.iter().map(FittedParameter::relative_std).collect();

@@ -118,14 +118,14 @@ impl FitWatch {
     }
 
     /// A forward run has ended.
-    pub(super) fn evaluated(&self) {
+    pub(super) fn note_evaluation(&self) {
         if let Some(watched) = &self.0 {
             watched.evaluations.fetch_add(1, Ordering::Relaxed);
         }
     }
 
     /// A point of the minimiser has the objective `omega`.
-    pub(super) fn tried(&self, omega: Option<f64>, parameters: Vec<(&'static str, f64)>) {
+    pub(super) fn note_trial(&self, omega: Option<f64>, parameters: Vec<(&'static str, f64)>) {
         if let Some(watched) = &self.0 {
             watched.tell(None, 0, omega, parameters);
         }

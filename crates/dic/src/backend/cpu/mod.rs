@@ -100,13 +100,13 @@ impl CpuFrame {
             self.coefficients.resize_with(level + 1, || None);
         }
         if self.coefficients[level].is_none() {
-            self.coefficients[level] = Some(self.filtered(backend, level)?);
+            self.coefficients[level] = Some(self.filter(backend, level)?);
         }
         Ok(self.coefficients[level].as_ref().expect("made above"))
     }
 
     /// The coefficients of a level, made anew.
-    fn filtered(&mut self, backend: &CpuBackend, level: usize) -> Result<Plane, BackendError> {
+    fn filter(&mut self, backend: &CpuBackend, level: usize) -> Result<Plane, BackendError> {
         let KernelOptions { grey_offset: offset, interpolation, .. } = self.options;
         let (isa, pool) = (backend.isa, &backend.pool);
         if level > 0 {
@@ -205,7 +205,7 @@ impl CpuField {
     }
 
     /// Moves the nodes by their corrections, each relaxed, times `(cos, sin)`. The largest component of the corrections, px, and its node.
-    fn moved(&mut self, correction: &[[f64; 2]], [cos, sin]: [f64; 2]) -> (f64, usize) {
+    fn move_nodes(&mut self, correction: &[[f64; 2]], [cos, sin]: [f64; 2]) -> (f64, usize) {
         let damping = cos.hypot(sin);
         let [before, latest] = &mut self.relaxation;
         latest.resize(correction.len(), Relaxation::new(None, [0.0; 2]));
@@ -360,7 +360,7 @@ impl CpuLevel {
 
     /// Corrects the field by the sums of its last evaluation, over `zones`, and by what the transfer has changed since: the
     /// sums are of the residual before that.
-    fn corrected(&self, field: &mut CpuField, zones: &[PixelSums], solver: &Solver, scale: [f64; 2]) -> Step {
+    fn correct(&self, field: &mut CpuField, zones: &[PixelSums], solver: &Solver, scale: [f64; 2]) -> Step {
         let correlations: Vec<f64> = zones.iter().map(PixelSums::correlation).collect();
         if field.first.is_empty() {
             field.first = correlations.clone();
@@ -376,7 +376,7 @@ impl CpuLevel {
                 }
             }
         }
-        let (largest, worst_node) = field.moved(&correction, scale);
+        let (largest, worst_node) = field.move_nodes(&correction, scale);
         Step {
             correction_px: largest,
             worst_node,
@@ -455,7 +455,7 @@ impl Backend for CpuBackend {
         // Nothing needs those of a reference any more.
         let coefficients = match frame.coefficients.get_mut(level).and_then(Option::take) {
             Some(coefficients) => coefficients,
-            None => frame.filtered(self, level)?,
+            None => frame.filter(self, level)?,
         };
         let (coefficients, at_pixel) = (coefficients.view(), AtPixel::new(interpolation, gradient_unit));
         let narrow = mesh.pixels.elements().iter().all(|e| e.nx <= 8);
@@ -503,7 +503,7 @@ impl Backend for CpuBackend {
         Ok(Arc::new(solver))
     }
 
-    fn reclaimed(&self, solver: Arc<Solver>) -> Option<Solver> {
+    fn reclaim(&self, solver: Arc<Solver>) -> Option<Solver> {
         Arc::into_inner(solver)
     }
 
@@ -598,7 +598,7 @@ impl Backend for CpuBackend {
         if !is_relaxed(field.steps, solver) {
             field.relaxation[0].clear();
         }
-        Ok(level.corrected(field, &zones, solver, scale))
+        Ok(level.correct(field, &zones, solver, scale))
     }
 
     fn solve_again(
@@ -611,7 +611,7 @@ impl Backend for CpuBackend {
         _: &Ahead,
     ) -> Result<Step, BackendError> {
         field.displacement.clone_from(&field.evaluated);
-        Ok(level.corrected(field, &level.zone_sums(field), solver, scale))
+        Ok(level.correct(field, &level.zone_sums(field), solver, scale))
     }
 
     fn remaining_moments(
@@ -691,7 +691,7 @@ impl Backend for CpuBackend {
         Ok(())
     }
 
-    fn started(
+    fn read_start(
         &self,
         _: &CpuLevel,
         _: &mut CpuFrame,
@@ -716,7 +716,7 @@ impl Backend for CpuBackend {
         Ok(())
     }
 
-    fn found(&self, level: &CpuLevel, _: &mut CpuFrame, field: &CpuField) -> Result<Found, BackendError> {
+    fn read_field(&self, level: &CpuLevel, _: &mut CpuFrame, field: &CpuField) -> Result<Found, BackendError> {
         let matched = |at: usize| ElementMatch::from(&level.pixel_sums(at, &field.sums_of(at)));
         Ok(Found {
             displacement: field.displacement.clone(),

@@ -29,7 +29,7 @@ pub fn adapters() -> Adapters {
     };
     let instance = wgpu::Instance::new(descriptor);
     let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-    let list: Vec<GpuAdapter> = found.into_iter().map(described).collect();
+    let list: Vec<GpuAdapter> = found.into_iter().map(describe).collect();
     let reason = list.is_empty().then(|| match pollster::block_on(instance.request_adapter(&Default::default())) {
         Ok(_) => "the drivers list no adapter".to_owned(),
         Err(error) => error.to_string(),
@@ -38,7 +38,7 @@ pub fn adapters() -> Adapters {
 }
 
 /// The adapter with what it says of itself.
-fn described(handle: wgpu::Adapter) -> GpuAdapter {
+fn describe(handle: wgpu::Adapter) -> GpuAdapter {
     let (info, limits) = (handle.get_info(), handle.limits());
     let kind = match info.device_type {
         wgpu::DeviceType::DiscreteGpu => AdapterKind::Discrete,
@@ -249,7 +249,7 @@ impl Gpu {
         let variant = (kernel, interpolates.then_some(interpolation), interpolates.then_some([lanes, light]));
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let compile = || Arc::new(self.compile(kernel, interpolation, variant.2));
-        pipelines.entry(variant).or_insert_with(|| self.noted(Work::Compile(kernel), compile)).clone()
+        pipelines.entry(variant).or_insert_with(|| self.time(Work::Compile(kernel), compile)).clone()
     }
 
     fn compile(&self, kernel: Kernel, interpolation: Interpolation, constants: Option<[u32; 2]>) -> Pipeline {
@@ -409,7 +409,7 @@ impl Gpu {
         let bytes: &[u8] = bytemuck::cast_slice(contents);
         // Copies are of whole words.
         let whole = bytes.len() / 4 * 4;
-        self.noted(Work::Upload, || {
+        self.time(Work::Upload, || {
             self.queue.write_buffer(buffer.raw(), 0, &bytes[..whole]);
             if whole < bytes.len() {
                 let mut last = [0u8; 4];
@@ -438,7 +438,7 @@ impl Gpu {
     fn poll(&self, submission_index: Option<wgpu::SubmissionIndex>) -> Result<(), BackendError> {
         let waited = self.device.poll(wgpu::PollType::Wait { submission_index, timeout: Some(PATIENCE) });
         self.check()?;
-        waited.map(|_| ()).map_err(|error| self.failed(format!("waiting for it: {error}")))
+        waited.map(|_| ()).map_err(|error| self.note_failure(format!("waiting for it: {error}")))
     }
 
     /// Notes a fault that nobody could return: the next check finds it.
@@ -447,7 +447,7 @@ impl Gpu {
     }
 
     /// Notes that the device has failed: what it holds is no longer known.
-    fn failed(&self, message: String) -> BackendError {
+    fn note_failure(&self, message: String) -> BackendError {
         let fault = BackendError::Device { device: self.adapter.name.clone(), message };
         self.faults.note(fault.clone());
         fault
@@ -557,7 +557,7 @@ impl<'a> Recorder<'a> {
         let gpu = self.gpu;
         if self.timing.take().is_some() {
             self.settle();
-            return gpu.noted(Work::Readback, || self.fetch(parts, traffic));
+            return gpu.time(Work::Readback, || self.fetch(parts, traffic));
         }
         let bytes: u64 = parts.iter().map(|part| part.1).sum();
         let landing = gpu.buffer_for(bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST, "results")?;
@@ -572,7 +572,7 @@ impl<'a> Recorder<'a> {
         if let Some(left) = gpu.left.get()
             && left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1)).is_err()
         {
-            gpu.failed("injected failure".into());
+            gpu.note_failure("injected failure".into());
         }
         let (sender, receiver) = std::sync::mpsc::channel();
         landing.raw().map_async(wgpu::MapMode::Read, 0..bytes, move |result| {
@@ -580,10 +580,11 @@ impl<'a> Recorder<'a> {
         });
         gpu.poll(Some(index))?;
         // Where several threads wait, the one that hears of it may be another: it passes the word on in a moment.
-        let mapped = receiver.recv_timeout(PATIENCE).map_err(|_| gpu.failed("its results did not arrive".into()))?;
-        mapped.map_err(|error| gpu.failed(format!("its results cannot be read: {error}")))?;
+        let mapped =
+            receiver.recv_timeout(PATIENCE).map_err(|_| gpu.note_failure("its results did not arrive".into()))?;
+        mapped.map_err(|error| gpu.note_failure(format!("its results cannot be read: {error}")))?;
         let view = landing.raw().get_mapped_range(0..bytes);
-        let values = view.map(|view| view.to_vec()).map_err(|error| gpu.failed(error.to_string()));
+        let values = view.map(|view| view.to_vec()).map_err(|error| gpu.note_failure(error.to_string()));
         landing.raw().unmap();
         values
     }

@@ -461,7 +461,7 @@ impl GpuField {
     }
 
     /// Numbers of the elements that have lost pixels, and whether anything of them is left.
-    pub(super) fn lost(
+    pub(super) fn read_lost(
         &self,
         gpu: &Gpu,
         level: &GpuLevel,
@@ -523,7 +523,7 @@ impl GpuField {
     }
 
     /// Displacement and transfer at the start.
-    pub(super) fn started(
+    pub(super) fn read_start(
         &self,
         gpu: &Gpu,
         traffic: &mut Traffic,
@@ -625,18 +625,18 @@ impl GpuField {
     }
 
     /// What the iteration has found.
-    pub(super) fn found(&self, gpu: &Gpu, level: &GpuLevel, traffic: &mut Traffic) -> Result<Found, BackendError> {
+    pub(super) fn read(&self, gpu: &Gpu, level: &GpuLevel, traffic: &mut Traffic) -> Result<Found, BackendError> {
         self.nothing_ahead(gpu)?;
         if !self.found.is_empty() {
-            return Ok(self.unpacked(level, &self.found));
+            return Ok(self.unpack(level, &self.found));
         }
         let mut recorder = gpu.record();
         let packed = self.pack(gpu, level, &mut recorder)?;
         let bytes = recorder.fetch(&self.parts_of_found(level, &packed), traffic)?;
-        Ok(self.unpacked(level, &bytes))
+        Ok(self.unpack(level, &bytes))
     }
 
-    fn unpacked(&self, level: &GpuLevel, bytes: &[u8]) -> Found {
+    fn unpack(&self, level: &GpuLevel, bytes: &[u8]) -> Found {
         let (packed, zones) = bytes.split_at(self.packed_bytes(level) as usize);
         let n_elements = level.mesh.n_elements();
         let (elements, nodes) = packed.split_at(8 * n_elements);

@@ -207,10 +207,10 @@ impl Backend for GpuBackend {
     }
 
     fn solver_like(&self, _: &GpuLevel, solver: Solver, like: &GpuSolver) -> Result<GpuSolver, BackendError> {
-        like.changed(&self.gpu, solver)
+        like.change_rows(&self.gpu, solver)
     }
 
-    fn reclaimed(&self, solver: GpuSolver) -> Option<Solver> {
+    fn reclaim(&self, solver: GpuSolver) -> Option<Solver> {
         Some(solver.into_host())
     }
 
@@ -282,7 +282,7 @@ impl Backend for GpuBackend {
         frame: &mut GpuFrame,
         field: &GpuField,
     ) -> Result<Vec<(usize, ElementMoments)>, BackendError> {
-        let lost = field.lost(&self.gpu, level, &mut frame.traffic)?;
+        let lost = field.read_lost(&self.gpu, level, &mut frame.traffic)?;
         let numbers: Vec<u32> = lost.iter().map(|lost| lost.0).collect();
         let moments = level.moments(&self.gpu, &numbers, Some(field.evaluated()), &mut frame.traffic)?;
         let remaining = |((element, any_left), moments): ((u32, bool), ElementMoments)| {
@@ -330,13 +330,13 @@ impl Backend for GpuBackend {
         Ok(())
     }
 
-    fn started(
+    fn read_start(
         &self,
         _: &GpuLevel,
         frame: &mut GpuFrame,
         field: &GpuField,
     ) -> Result<(Vec<[f64; 2]>, Vec<GreyTransfer>), BackendError> {
-        field.started(&self.gpu, &mut frame.traffic)
+        field.read_start(&self.gpu, &mut frame.traffic)
     }
 
     fn light(
@@ -349,8 +349,8 @@ impl Backend for GpuBackend {
         field.light(&self.gpu, level, frame, light)
     }
 
-    fn found(&self, level: &GpuLevel, frame: &mut GpuFrame, field: &GpuField) -> Result<Found, BackendError> {
-        field.found(&self.gpu, level, &mut frame.traffic)
+    fn read_field(&self, level: &GpuLevel, frame: &mut GpuFrame, field: &GpuField) -> Result<Found, BackendError> {
+        field.read(&self.gpu, level, &mut frame.traffic)
     }
 
     fn traffic(&self, frame: &GpuFrame) -> Option<Traffic> {

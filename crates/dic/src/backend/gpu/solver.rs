@@ -133,9 +133,9 @@ impl GpuSolver {
         self.host
     }
 
-    /// One for a matrix that differs from that of this one in some rows, see [`Solver::changed`]: what both have in common is not
+    /// One for a matrix that differs from that of this one in some rows, see [`Solver::change_rows`]: what both have in common is not
     /// brought to the device again.
-    pub(super) fn changed(&self, gpu: &Gpu, host: Solver) -> Result<Self, BackendError> {
+    pub(super) fn change_rows(&self, gpu: &Gpu, host: Solver) -> Result<Self, BackendError> {
         let (Some(of_this), Some(n), None) = (&self.device, self.n_changed, host.penalty()) else {
             return Self::new(gpu, host);
         };

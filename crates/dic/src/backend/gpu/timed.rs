@@ -12,7 +12,7 @@ const KERNELS_STAMPED: usize = 512;
 
 impl Gpu {
     /// Runs `work` alone on the device and notes what it took, while the profile is on.
-    pub(super) fn noted<T>(&self, work: Work, run: impl FnOnce() -> T) -> T {
+    pub(super) fn time<T>(&self, work: Work, run: impl FnOnce() -> T) -> T {
         if self.profile.timing().is_none() {
             return run();
         }

@@ -32,7 +32,7 @@ pub(super) fn groups(mesh: &Mesh<Px>, bad: &[bool]) -> Vec<Group> {
     let mut found = Vec::new();
     for zone in 0..mesh.zones().len() {
         let middles: Vec<[f64; 2]> = mesh.zone_elements(zone).filter(|&e| bad[e]).map(|e| middle(mesh, e)).collect();
-        for members in together(&middles, TOGETHER * size) {
+        for members in connect(&middles, TOGETHER * size) {
             if members.len() as f64 >= SHORTEST {
                 let own: Vec<[f64; 2]> = members.iter().map(|&k| middles[k]).collect();
                 found.push(group(zone, &own, size));
@@ -81,7 +81,7 @@ impl<'a> Cells<'a> {
 }
 
 /// The points that hang together by steps of `reach`.
-fn together(points: &[[f64; 2]], reach: f64) -> Vec<Vec<usize>> {
+fn connect(points: &[[f64; 2]], reach: f64) -> Vec<Vec<usize>> {
     let cells = Cells::new(points, reach);
     let mut seen = vec![false; points.len()];
     let mut all = Vec::new();
@@ -111,7 +111,7 @@ fn group(zone: usize, middles: &[[f64; 2]], size: f64) -> Group {
     let n = middles.len();
     let middle = [0, 1].map(|c| middles.iter().map(|p| p[c]).sum::<f64>() / n as f64);
     let path = longest(middles, TOGETHER * size);
-    let line = centred(&path, middles, size);
+    let line = centre(&path, middles, size);
     let length_px = line.windows(2).map(|two| distance(two[0], two[1])).sum::<f64>();
     let width_px = n as f64 * size * size / length_px.max(size);
     let is_line = length_px >= SHORTEST * size && width_px <= WIDEST * size && width_px <= SLENDER * length_px;
@@ -169,7 +169,7 @@ fn ways(points: &[[f64; 2]], cells: &Cells<'_>, start: usize) -> (Vec<f64>, Vec<
 }
 
 /// The path moved into the middle of the points around it, at steps of an element, and made longer by half an element at either end.
-fn centred(path: &[[f64; 2]], points: &[[f64; 2]], size: f64) -> Vec<[f64; 2]> {
+fn centre(path: &[[f64; 2]], points: &[[f64; 2]], size: f64) -> Vec<[f64; 2]> {
     let around = Cells::new(points, 1.8 * size);
     let mean = |at: [f64; 2]| {
         let (mut sum, mut n) = ([0.0; 2], 0.0);
@@ -223,6 +223,6 @@ mod tests {
             assert!((y - 0.5 * x - 80.0).abs() < 12.0, "{x} {y}");
         }
         assert_eq!(of(&grid(|i, j| i < 9 && j < 7)).line, None);
-        assert_eq!(together(&grid(|_, j| j == 7 || j == 11), TOGETHER * 16.0).len(), 2);
+        assert_eq!(connect(&grid(|_, j| j == 7 || j == 11), TOGETHER * 16.0).len(), 2);
     }
 }

@@ -149,21 +149,22 @@ pub fn search_cracks(
     };
     try_groups(&mut search, groups(&uncut.mesh, &bad));
     // Where much is marked, what is worst may stand out.
-    let worst = worst(&uncut, &bad);
+    let worst = find_worst(&uncut, &bad);
     if search.rejected.iter().any(|rejected| matches!(rejected.why, NoCrack::NotALine(_))) && worst != bad {
         try_groups(&mut search, groups(&uncut.mesh, &worst));
     }
     if found.is_empty() {
         return Ok(search);
     }
-    let paths: Vec<Vec<[f64; 2]>> = found.iter().map(|(group, between)| whole(&uncut.mesh, group, between)).collect();
+    let paths: Vec<Vec<[f64; 2]>> =
+        found.iter().map(|(group, between)| extend_to_ends(&uncut.mesh, group, between)).collect();
     let mut cut_zones = zones.to_vec();
     for ((group, _), path) in found.iter().zip(&paths) {
         cut_zones[group.zone].cracks.push(Crack { path: path.clone(), guard });
     }
     let cut = correlate(&cut_zones)?.measurement;
     for ((group, between), path) in found.into_iter().zip(paths) {
-        match opens(&cut, &path, &between) {
+        match measure_opening(&cut, &path, &between) {
             Ok((opening, sliding)) => search.cracks.push(FoundCrack { zone: group.zone, path, opening, sliding }),
             Err(why) => search.reject(&group, why),
         }
@@ -186,7 +187,7 @@ fn is_bad(mark: ElementMark) -> bool {
 }
 
 /// Of the elements that are bad those that are left out, or do not follow by as much as they would then.
-fn worst(uncut: &Measurement<Px>, bad: &[bool]) -> Vec<bool> {
+fn find_worst(uncut: &Measurement<Px>, bad: &[bool]) -> Vec<bool> {
     let not_followed = uncut.model_error.as_ref().map_or(&[][..], |error| &error.misfit);
     let marks = uncut.marks.as_deref().unwrap_or_default();
     let is_left_out = |element: usize| marks[element].is_left_out();
@@ -213,7 +214,7 @@ fn tip_beyond(apart: &[Option<f64>]) -> f64 {
 }
 
 /// The path with both of its ends carried on, to the border of the zone or beyond the tip.
-fn whole(mesh: &Mesh<Px>, group: &Group, between: &Between) -> Vec<[f64; 2]> {
+fn extend_to_ends(mesh: &Mesh<Px>, group: &Group, between: &Between) -> Vec<[f64; 2]> {
     let size = mesh.element_size();
     let (mut path, mut apart) = (smooth(&between.path), between.apart.clone());
     for _ in 0..2 {
@@ -238,7 +239,7 @@ fn whole(mesh: &Mesh<Px>, group: &Group, between: &Between) -> Vec<[f64; 2]> {
         }
         path.reverse();
     }
-    straightened(&path).into_iter().map(|p| p.map(|v| (10.0 * v).round() / 10.0)).collect()
+    straighten(&path).into_iter().map(|p| p.map(|v| (10.0 * v).round() / 10.0)).collect()
 }
 
 /// The points of a path moved to the mean of their neighbours by a half, but for its ends.
@@ -251,15 +252,15 @@ fn smooth(path: &[[f64; 2]]) -> Vec<[f64; 2]> {
 }
 
 /// The path without the points that lie on the line between others (Ramer, Douglas and Peucker).
-fn straightened(path: &[[f64; 2]]) -> Vec<[f64; 2]> {
+fn straighten(path: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let [first, .., last] = path else { return path.to_vec() };
     let off = |k: usize| project(&[*first, *last], path[k]).map_or(0.0, |found| found.distance);
     let furthest = (1..path.len() - 1).max_by(|&a, &b| off(a).total_cmp(&off(b)));
     match furthest.filter(|&k| off(k) > STRAIGHT_PX) {
         Some(k) => {
-            let mut begin = straightened(&path[..=k]);
+            let mut begin = straighten(&path[..=k]);
             begin.pop();
-            begin.extend(straightened(&path[k..]));
+            begin.extend(straighten(&path[k..]));
             begin
         }
         None => vec![*first, *last],
@@ -272,7 +273,7 @@ fn median(values: &mut [f64]) -> f64 {
 }
 
 /// Opening (least, median, largest) and sliding of a path in a field whose mesh is cut along it, when it opens.
-fn opens(cut: &Measurement<Px>, path: &[[f64; 2]], between: &Between) -> Result<([f64; 3], f64), NoCrack> {
+fn measure_opening(cut: &Measurement<Px>, path: &[[f64; 2]], between: &Between) -> Result<([f64; 3], f64), NoCrack> {
     let line =
         Some(()).filter(|()| cut.status.has_field()).and_then(|()| CrackLine::on(&cut.mesh, path.to_vec(), None));
     let Some(line) = line else { return Err(NoCrack::NotMeasured) };

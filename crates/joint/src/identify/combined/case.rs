@@ -89,7 +89,7 @@ impl<'a> CombinedCase<'a> {
             found.push(remarks::own_minima(law.name()));
         }
         found.extend(input.tests.iter().filter_map(two_scales));
-        found.extend(between(&tests));
+        found.extend(find_contradictions(&tests));
         let names: Vec<&str> = tests.iter().map(|test| test.name.as_str()).collect();
         let constants: Vec<&[_]> = tests.iter().map(|test| test.case.options.constants.as_slice()).collect();
         let constants = combined_constants(&names, &constants, input.fit.shared.as_deref(), &mut found)
@@ -170,7 +170,7 @@ fn two_scales(test: &TestInput) -> Option<Remark> {
 }
 
 /// What two tests say that hardly goes together.
-fn between(tests: &[TestCase<'_>]) -> Vec<Remark> {
+fn find_contradictions(tests: &[TestCase<'_>]) -> Vec<Remark> {
     let mut found = Vec::new();
     for (k, b) in tests.iter().enumerate() {
         for a in &tests[..k] {

@@ -2,7 +2,7 @@
 
 use super::super::FitError;
 use super::super::discretisation::Refined;
-use super::super::fit::{CutShort, Fit, compare, correlation_of, describe, unfinished};
+use super::super::fit::{CutShort, Fit, compare, correlation_of, describe, reasons_unfinished};
 use super::super::misfit::Misfit;
 use super::super::missing_mode::MissingMode;
 use super::super::objective::{Evaluation, Problem};
@@ -18,7 +18,7 @@ use super::consistency::Consistency;
 use super::known::{Known, LedTogether};
 use super::made::Made;
 use super::misfit::{Judged, misfits};
-use super::released::released;
+use super::released::release;
 use super::search::{Found, Searched, search};
 use super::share::{TestShare, shares};
 use super::verdict::{OfTests, verdict};
@@ -84,7 +84,7 @@ pub fn fit_combined(case: &CombinedCase<'_>) -> Result<CombinedFit, FitError> {
     let refined: Vec<Option<Refined>> = (tests.iter().zip(&known.evaluations))
         .map(|(test, evaluation)| match test.options.discretisation {
             Discretisation::Off => None,
-            _ => test.problem.refined(evaluation, &test.problem.joint.boundary),
+            _ => test.problem.refine(evaluation, &test.problem.joint.boundary),
         })
         .collect();
     if first.watch.ended().is_some() && refined.iter().any(Option::is_none) {
@@ -93,7 +93,7 @@ pub fn fit_combined(case: &CombinedCase<'_>) -> Result<CombinedFit, FitError> {
     let made = Made::new(&tests, &case.constants, &found.weights, &known, &refined);
     let doubts = match &known.led {
         Some(led) if !found.stage.status.cut_short() => {
-            let doubts = doubted(case, &tests, &found, &known, led, &made, &refined)?;
+            let doubts = doubt(case, &tests, &found, &known, led, &made, &refined)?;
             if first.watch.ended().is_some() {
                 missing.push("what the prescribed parameters would be as unknowns");
             }
@@ -109,12 +109,12 @@ pub fn fit_combined(case: &CombinedCase<'_>) -> Result<CombinedFit, FitError> {
     let names: Vec<&str> = case.tests.iter().map(|test| test.name.as_str()).collect();
     let problems: Vec<&Problem<'_>> = tests.iter().map(|test| test.problem).collect();
     let shares = shares(&names, &problems, &known);
-    let verdict = judged(&problems, &shares, &found, &known, &made, &doubts, cut_short.as_ref());
+    let verdict = judge(&problems, &shares, &found, &known, &made, &doubts, cut_short.as_ref());
     put_together(&tests, &starts, found, known, made, &refined, doubts, (shares, verdict, cut_short))
 }
 
 /// The misfit of each test and of all, whether they agree, and what the prescribed parameters would be.
-fn doubted(
+fn doubt(
     case: &CombinedCase<'_>,
     tests: &[Searched<'_>],
     found: &Found,
@@ -136,13 +136,13 @@ fn doubted(
     };
     let (misfits, total, consistency) = misfits(&(0..tests.len()).map(of_test).collect::<Vec<_>>())?;
     watch.begins("prescribed parameters as unknowns");
-    let released = released(tests, &found.weights, &known.evaluations[0], known.sum.omega)?;
+    let released = release(tests, &found.weights, &known.evaluations[0], known.sum.omega)?;
     let released = released.filter(|_| watch.ended().is_none());
     Ok(Doubts { misfits, total: Some(total), consistency, released })
 }
 
 /// What it all comes to.
-fn judged(
+fn judge(
     problems: &[&Problem<'_>],
     shares: &[TestShare],
     found: &Found,
@@ -152,7 +152,7 @@ fn judged(
     cut_short: Option<&CutShort>,
 ) -> Verdict {
     let first = problems[0];
-    let unfinished = unfinished(found.stage.status, cut_short, &first.unknowns, &known.evaluations[0].x);
+    let unfinished = reasons_unfinished(found.stage.status, cut_short, &first.unknowns, &known.evaluations[0].x);
     let statistics: Option<&Statistics> = known.led.as_ref().map(|led| &led.statistics[0]);
     let correlation = statistics.map(|statistics| correlation_of(&statistics.covariance, Some(statistics)));
     let prescribed =
@@ -236,7 +236,7 @@ fn put_together(
                 if !is_asked(test) {
                     continue;
                 }
-                let moved = test.problem.turned(evaluation, &test.problem.joint.boundary);
+                let moved = test.problem.turn(evaluation, &test.problem.joint.boundary);
                 sum = sum.zip(moved).map(|(mut sum, moved)| {
                     sum.iter_mut().zip(statistics.shift(&moved)).for_each(|(sum, z)| *sum += z);
                     sum

@@ -4,7 +4,7 @@ use super::super::FitError;
 use super::super::objective::Evaluation;
 use super::super::statistics::{Led, Statistics};
 use super::super::trust_region::Local;
-use super::search::{Searched, TestWeights, evaluated, local_of, sum_of};
+use super::search::{Searched, TestWeights, evaluate_tests, local_of, sum_of};
 use crate::linalg::Dense;
 
 /// The tests where the search ended.
@@ -32,7 +32,7 @@ impl Known {
     /// A tangent without inverse.
     pub(super) fn at(tests: &[Searched<'_>], weights: &[TestWeights], z: &[f64]) -> Result<Self, FitError> {
         let x = tests[0].problem.unknowns.unscaled(z);
-        let evaluations = evaluated(tests, &x, true).ok_or(FitError::Lost)?;
+        let evaluations = evaluate_tests(tests, &x, true).ok_or(FitError::Lost)?;
         let locals: Vec<Local> =
             (tests.iter().zip(&evaluations).zip(weights)).map(|((t, e), w)| local_of(t, e, w)).collect();
         let sum = sum_of(&locals);

@@ -77,7 +77,7 @@ struct Left {
 }
 
 /// What is left of `changes`, one of each test, after the parameters that all share have followed.
-fn left(tests: &[White<'_>], a: &Dense, changes: &[&[Dense]]) -> Vec<Left> {
+fn residual_after(tests: &[White<'_>], a: &Dense, changes: &[&[Dense]]) -> Vec<Left> {
     let mut sum = Dense::zeros(a.n_rows(), 1);
     for (test, change) in tests.iter().zip(changes) {
         sum.add(1.0, &test.gradient(&test.times(change)));
@@ -115,13 +115,13 @@ pub(super) fn misfits(tests: &[Judged<'_>]) -> Result<(Vec<Misfit>, Misfit, Opti
     let step = a.times(&b);
     let n_effects = tests[0].effects.len();
     let changes = |k: usize| tests.iter().map(|test| test.effects[k].rows.as_slice()).collect::<Vec<&[Dense]>>();
-    let constants: Vec<Vec<Left>> = (0..n_effects).map(|k| left(&white, &a, &changes(k))).collect();
+    let constants: Vec<Vec<Left>> = (0..n_effects).map(|k| residual_after(&white, &a, &changes(k))).collect();
     let still: Vec<Vec<Dense>> = (tests.iter())
         .map(|test| test.evaluation.blocks.iter().map(|block| Dense::zeros(block.n_rows(), 1)).collect())
         .collect();
     let refined: Vec<&[Dense]> =
         tests.iter().zip(&still).map(|(test, still)| test.refined.unwrap_or(still.as_slice())).collect();
-    let finer = left(&white, &a, &refined);
+    let finer = residual_after(&white, &a, &refined);
     let mut list = Vec::with_capacity(tests.len());
     for (k, test) in white.iter().enumerate() {
         let Local { omega, b, h, .. } = &test.local;
@@ -135,7 +135,7 @@ pub(super) fn misfits(tests: &[Judged<'_>]) -> Result<(Vec<Misfit>, Misfit, Opti
             floor: tests[k].refined.map(|_| (finer[k].square, finer[k].rows.clone())),
             constants: constants.iter().map(|of| (of[k].square, of[k].rows.clone())).collect(),
         };
-        list.push(tests[k].problem.judged(tests[k].evaluation, tests[k].statistics, unexplained));
+        list.push(tests[k].problem.judge(tests[k].evaluation, tests[k].statistics, unexplained));
     }
     let pulls: Vec<Pull> = (white.iter().enumerate())
         .map(|(k, test)| {

@@ -13,7 +13,7 @@ use super::search::{Searched, TestWeights, run};
 ///
 /// # Errors
 /// A tangent without inverse.
-pub(super) fn released(
+pub(super) fn release(
     tests: &[Searched<'_>],
     weights: &[TestWeights],
     evaluation: &Evaluation,

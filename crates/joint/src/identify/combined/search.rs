@@ -67,7 +67,7 @@ impl Searched<'_> {
 }
 
 /// The tests at one set of parameters; `None` where one of them has no solution. `again`: also when the fit has to end.
-pub(super) fn evaluated(tests: &[Searched<'_>], x: &[f64], again: bool) -> Option<Vec<Evaluation>> {
+pub(super) fn evaluate_tests(tests: &[Searched<'_>], x: &[f64], again: bool) -> Option<Vec<Evaluation>> {
     let one = |test: &Searched<'_>| {
         let (problem, boundary) = (test.problem, &test.problem.joint.boundary);
         let found = if again { problem.evaluate_again(x, boundary) } else { problem.evaluate(x, boundary) };
@@ -110,13 +110,13 @@ pub(super) fn run(
     let watch = &tests[0].problem.watch;
     let evaluate = |z: &[f64]| {
         let x = unknowns.unscaled(z);
-        let local = evaluated(tests, &x, false).map(|evaluations| {
+        let local = evaluate_tests(tests, &x, false).map(|evaluations| {
             let locals: Vec<Local> =
                 (tests.iter().zip(&evaluations).zip(weights)).map(|((t, e), w)| local_of(t, e, w)).collect();
             sum_of(&locals)
         });
         let local = local.filter(|local| local.omega.is_finite());
-        watch.tried(local.as_ref().map(|local| local.omega), tests[0].problem.named(&x));
+        watch.note_trial(local.as_ref().map(|local| local.omega), tests[0].problem.named(&x));
         local
     };
     let ended = || watch.ended().map(|ended| (ended.status(), ended.reason()));
@@ -143,7 +143,7 @@ pub(super) fn search(
     region: &TrustRegionOptions,
     better: impl Fn(&[End]) -> usize,
 ) -> Result<Found, FitError> {
-    let first = evaluated(tests, &starts[0], false);
+    let first = evaluate_tests(tests, &starts[0], false);
     let begin = |(k, test): (usize, &Searched<'_>)| -> Result<TestWeights, FitError> {
         let weights = test.first()?;
         Ok(match &first {
@@ -163,7 +163,7 @@ pub(super) fn search(
     while go_on {
         round += 1;
         let x = unknowns.unscaled(&stage.z);
-        let evaluations = evaluated(tests, &x, true).ok_or(FitError::Lost)?;
+        let evaluations = evaluate_tests(tests, &x, true).ok_or(FitError::Lost)?;
         let made = |(test, evaluation): (&Searched<'_>, &Evaluation)| -> Result<TestWeights, FitError> {
             let whole = test.options.weights == WeightKind::Covariance && test.noisy_boundary();
             let weights = if whole { full_weights(test.problem, evaluation)? } else { test.first()? };

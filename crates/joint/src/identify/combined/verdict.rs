@@ -24,7 +24,7 @@ pub(super) fn verdict(of: &OfTests<'_>, grounds: Option<&Grounds<'_>>, unfinishe
         Some(grounds) => Verdict::new(of.parameters, grounds),
         None => Verdict::singular(of.parameters, unfinished, None),
     };
-    let against = contradictions(of);
+    let against = find_contradictions(of);
     if !against.is_empty() {
         if verdict.outcome != Outcome::Rejected {
             verdict.outcome = Outcome::Rejected;
@@ -43,7 +43,7 @@ pub(super) fn verdict(of: &OfTests<'_>, grounds: Option<&Grounds<'_>>, unfinishe
 }
 
 /// What speaks against one law for all tests.
-fn contradictions(of: &OfTests<'_>) -> Vec<String> {
+fn find_contradictions(of: &OfTests<'_>) -> Vec<String> {
     let mut sentences = Vec::new();
     // Each test is one more question.
     let limit = normal_tail(FALSE_REJECTIONS / of.misfits.len().max(1) as f64);
