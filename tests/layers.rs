@@ -50,7 +50,7 @@ const HOMES: [Home; 7] = [
     Home {
         what: "the crate clap",
         named_by: |s, at| s.names_crate(at, "clap"),
-        places: &["cli/", "io/case", "run/request.rs"],
+        places: &["cli/", "io/case", "run/plan/request.rs"],
     },
     Home { what: "the crate resvg", named_by: |s, at| s.names_crate(at, "resvg"), places: &["report/picture.rs"] },
     Home { what: "printing", named_by: Source::prints, places: &["cli/"] },
@@ -479,7 +479,7 @@ fn a_crate_a_print_and_a_file_away_from_home_are_found() {
         ("fn f(x: image::DynamicImage) {}", 1, "the crate image is at home in io/, report/"),
         ("use wgpu;", 1, "the crate wgpu is at home in backend/gpu/"),
         ("use resvg as r;", 1, "the crate resvg is at home in report/picture.rs"),
-        ("extern crate clap;", 1, "the crate clap is at home in cli/"),
+        ("extern crate clap;", 1, "the crate clap is at home in cli/, io/case, run/plan/request.rs"),
         ("\n\nfn f() { println!(\"a\"); }", 3, "printing is at home in cli/"),
         ("fn f() { eprintln!(); }", 1, "printing is at home in cli/"),
         ("use std::{io, fs};", 1, "opening files is at home in io/, report/, run/, cli/"),

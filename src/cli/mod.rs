@@ -54,7 +54,7 @@ mod wrong_words;
 
 use crate::report::Look;
 use crate::run::Outcome;
-use crate::run::text::{absolute, chain, plural};
+use crate::run::words::text::{absolute, chain, plural};
 pub use allocator::Allocator;
 use args::{BenchArgs, BenchWhat};
 use clap::error::ErrorKind;

@@ -10,7 +10,7 @@ use crate::io::case::{
 use crate::io::store::Store;
 use crate::report::Plot;
 use crate::report::correlation::{along_load, turn_axes};
-use crate::run::quantities::{FOLDER, write_of_store};
+use crate::run::look::quantities::{FOLDER, write_of_store};
 use crate::run::{Record, strain_window};
 use std::path::Path;
 

@@ -7,7 +7,7 @@ use super::{Outcome, Result, plural};
 use crate::field::Status;
 use crate::io::store::Store;
 use crate::report::summary::{Summary, counts};
-use crate::run::text::{in_words, runs};
+use crate::run::words::text::{in_words, runs};
 use crate::run::{Holder, RunFolder, all_frames, holders, locks_in};
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};

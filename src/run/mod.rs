@@ -18,92 +18,45 @@
     )
 )]
 
-mod busy;
-mod camera;
-mod case;
-mod check;
-mod computing;
-mod crack_auto;
-mod cracks;
-mod doubts;
-mod engine;
-mod error;
-mod event;
-mod explore;
-mod feed;
 mod folder;
-mod found;
 mod frames;
-mod heard;
-mod identification;
-mod in_memory;
-mod kept;
-mod lock;
-mod look;
-mod output;
-mod page;
-mod pipeline;
+mod joint;
+pub(crate) mod look;
 mod plan;
-pub(crate) mod quantities;
-mod read;
-mod record;
-mod reference;
-mod rehearsal;
-mod relay;
-mod remarks;
-mod report;
-mod request;
-mod restart;
-mod run_toml;
-mod said;
 mod series;
-mod session;
-mod several;
-mod shard;
-mod simulation;
-mod steps;
-mod stop;
-mod store_of_run;
-mod tally;
-pub(crate) mod text;
-mod tournament;
-mod wanted;
-mod watching;
-mod which_reference;
-mod worker;
-mod zones;
+pub(crate) mod words;
 
-pub use busy::Busy;
-pub use case::{CaseRun, run_case};
-pub use check::{Checked, CheckedZone, check, keeps_to};
-pub use error::{Result, RunError};
-pub use event::{Event, Watcher};
-pub use explore::{Explored, ExplorerPage};
-pub use folder::{RunFolder, correlation_in};
-pub use identification::identify;
-pub use in_memory::InMemory;
-pub use look::{FitOfRun, Off, model_less_measured};
-pub use plan::{Images, Plan, strain_window};
-pub use request::{Export, Request};
-pub use series::run_series;
-pub use session::{Existing, Outcome, Ran, Session};
-pub use several::identify_several;
-pub use shard::Shard;
-pub use simulation::simulate;
-pub use stop::Stop;
-pub use text::chain;
-pub use tournament::compare_laws;
-pub use watching::{Watching, watch};
+pub use folder::run_folder::{RunFolder, correlation_in};
+pub use frames::busy::Busy;
+pub use joint::case::{CaseRun, run_case};
+pub use joint::identification::identify;
+pub use joint::several::identify_several;
+pub use joint::simulation::simulate;
+pub use joint::tournament::compare_laws;
+pub use look::explore::{Explored, ExplorerPage};
+pub use look::fit_of_run::{FitOfRun, Off, model_less_measured};
+pub use plan::check::{Checked, CheckedZone, check, keeps_to};
+pub use plan::request::{Export, Request};
+pub use plan::resolved::{Images, Plan, strain_window};
+pub use plan::session::{Existing, Outcome, Ran, Session};
+pub use plan::shard::Shard;
+pub use plan::stop::Stop;
+pub use series::files::run_series;
+pub use series::in_memory::InMemory;
+pub use series::watching::{Watching, watch};
+pub use words::error::{Result, RunError};
+pub use words::event::{Event, Watcher};
+pub use words::text::chain;
 
 #[doc(hidden)]
-pub use restart::is_of_a_restart;
+pub use folder::restart::is_of_a_restart;
 
 #[cfg(feature = "cli")]
 pub(crate) use self::{
-    error::shell_word,
-    folder::{About, FIGURES, frame_in_words, locks_in},
-    lock::{Holder, holders},
-    read::read_json,
-    record::Record,
-    restart::all_frames,
+    folder::lock::{Holder, holders},
+    folder::read::read_json,
+    folder::record::Record,
+    folder::restart::all_frames,
+    folder::run_folder::{About, FIGURES, frame_in_words, locks_in},
+    words::error::shell_word,
 };

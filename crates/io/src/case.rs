@@ -15,12 +15,13 @@ mod joint;
 mod law;
 mod lists;
 mod quantities;
+mod reader;
 mod schema;
 mod section;
 mod setup;
 
 pub use crack_path::CrackPath;
-pub use document::{CaseDocument, Reader, parse_case, read_case, read_document, write_case};
+pub use document::{CaseDocument, parse_case, read_case, read_document, write_case};
 pub use drives::{CaseAppliedLoad, CaseHistory, CasePath, CasePathControl, CaseSupport, CaseTied};
 pub use explain::{CaseError, CasePlace, CaseText, heading};
 pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages, Polygon, ZoneFlags};
@@ -35,6 +36,7 @@ pub use quantities::{
     CaseCrack, CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
     CrackFlags,
 };
+pub use reader::Reader;
 pub use schema::{CaseLaws, LawKey, LawKeys, case_reference, case_schema, schema_of};
 pub use section::{complete, over};
 pub use setup::CaseReport;

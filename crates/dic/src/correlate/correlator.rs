@@ -1,28 +1,28 @@
 //! A prepared reference that correlates deformed images with itself.
 
-use super::border::bare_borders;
-use super::correlation::{Correlation, StartUsed};
-use super::error::CorrelationError;
-use super::features::Features;
-use super::finest::{Finest, finest_level};
-use super::gradient_noise::AssumedNoise;
-use super::iterate::{Enough, Limits, Turn, WILD_ELEMENTS, iterate, nothing};
-use super::level::Level;
-use super::misfit::MisfitTest;
-use super::model_error::MeshLines;
-use super::noise_correlation::{NoiseProbe, Prepared};
-use super::options::Options;
-use super::outliers::replace_outliers;
-use super::overlap::Overlap;
-use super::point_values::PointValuesOf;
-use super::reference::Reference;
-use super::reference_noise::{high_frequency, rounding};
-use super::regularisation::Regularisation;
-use super::settled::Settled;
-use super::start::Start;
-use super::texture::SeenByNode;
-use super::uncertainty::{NodalSpread, NoiseGain};
 use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions};
+use crate::correlate::error::CorrelationError;
+use crate::correlate::noise::misfit::MisfitTest;
+use crate::correlate::noise::model_error::MeshLines;
+use crate::correlate::noise::noise_correlation::{NoiseProbe, Prepared};
+use crate::correlate::noise::reference_noise::{high_frequency, rounding};
+use crate::correlate::noise::uncertainty::{NodalSpread, NoiseGain};
+use crate::correlate::prepare::finest::{Finest, finest_level};
+use crate::correlate::prepare::gradient_noise::AssumedNoise;
+use crate::correlate::prepare::level::Level;
+use crate::correlate::prepare::options::Options;
+use crate::correlate::prepare::reference::Reference;
+use crate::correlate::prepare::texture::SeenByNode;
+use crate::correlate::prior::border::bare_borders;
+use crate::correlate::prior::outliers::replace_outliers;
+use crate::correlate::prior::regularisation::Regularisation;
+use crate::correlate::result::correlation::{Correlation, StartUsed};
+use crate::correlate::result::overlap::Overlap;
+use crate::correlate::result::point_values::PointValuesOf;
+use crate::correlate::result::settled::Settled;
+use crate::correlate::solve::iterate::{Enough, Limits, Turn, WILD_ELEMENTS, iterate, nothing};
+use crate::correlate::start::features::Features;
+use crate::correlate::start::initial::Start;
 use crate::field::{NoiseCorrelation, Status};
 use crate::imaging::Image;
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
@@ -72,7 +72,7 @@ const SEARCH_SIDE: f64 = 320.0;
 const SEARCH_ZONE: f64 = 20.0;
 
 /// A reference image prepared for correlation: levels, factors, uncertainty. Frames are correlated
-/// independently of each other; see [`super::Tracker`] for a series.
+/// independently of each other; see [`crate::correlate::Tracker`] for a series.
 pub struct Correlator<B: Backend> {
     pub(super) backend: B,
     reference: Reference,

@@ -2,7 +2,7 @@
 
 #![expect(clippy::indexing_slicing, reason = "the schema is made by the program of its own types; a test writes it")]
 
-use super::document::{Reader, sections};
+use super::reader::{Reader, sections};
 use super::{CaseFile, STD};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;

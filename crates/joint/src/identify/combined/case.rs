@@ -1,10 +1,10 @@
 //! Several tests as their case files describe them.
 
-use super::super::case::Case;
-use super::super::error::{FitError, wrong};
-use super::super::objective::Problem;
-use super::super::remarks;
 use super::sources::{CombinedConstant, combined_constants};
+use crate::identify::cases::case::Case;
+use crate::identify::cases::error::{FitError, wrong};
+use crate::identify::doubt::remarks;
+use crate::identify::objective::problem::Problem;
 use crate::io::joint::{JointMeshFile, MeshInput, TestInput, TestsInput};
 use crate::mechanics::Joint;
 use crate::remark::Remark;

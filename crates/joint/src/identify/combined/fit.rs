@@ -1,18 +1,5 @@
 //! The fit of several tests: search, what noise and constants do, what each test tells.
 
-use super::super::FitError;
-use super::super::discretisation::Refined;
-use super::super::fit::{CutShort, Fit, compare, correlation_of, describe, reasons_unfinished};
-use super::super::misfit::Misfit;
-use super::super::missing_mode::MissingMode;
-use super::super::objective::{Evaluation, Problem};
-use super::super::options::RotationCheck;
-use super::super::plausibility::implausible_result;
-use super::super::released::Released;
-use super::super::rotations::Rotations;
-use super::super::statistics::Statistics;
-use super::super::trust_region::FitStatus;
-use super::super::verdict::{Grounds, LARGEST_STD, Verdict};
 use super::case::CombinedCase;
 use super::consistency::Consistency;
 use super::known::{Known, LedTogether};
@@ -22,6 +9,19 @@ use super::released::release;
 use super::search::{Found, Searched, search};
 use super::share::{TestShare, shares};
 use super::verdict::{OfTests, verdict};
+use crate::identify::FitError;
+use crate::identify::cases::options::RotationCheck;
+use crate::identify::doubt::discretisation::Refined;
+use crate::identify::doubt::misfit::Misfit;
+use crate::identify::doubt::missing_mode::MissingMode;
+use crate::identify::doubt::plausibility::implausible_result;
+use crate::identify::doubt::released::Released;
+use crate::identify::doubt::rotations::Rotations;
+use crate::identify::doubt::verdict::{Grounds, LARGEST_STD, Verdict};
+use crate::identify::intervals::statistics::Statistics;
+use crate::identify::objective::problem::{Evaluation, Problem};
+use crate::identify::solve::fit::{CutShort, Fit, compare, correlation_of, describe, reasons_unfinished};
+use crate::identify::solve::trust_region::FitStatus;
 use crate::io::case::Discretisation;
 
 /// One test in a fit of several.

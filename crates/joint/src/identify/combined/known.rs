@@ -1,10 +1,10 @@
 //! What is known where the search of several tests ended.
 
-use super::super::FitError;
-use super::super::objective::Evaluation;
-use super::super::statistics::{Led, Statistics};
-use super::super::trust_region::Local;
 use super::search::{Searched, TestWeights, evaluate_tests, local_of, sum_of};
+use crate::identify::FitError;
+use crate::identify::intervals::statistics::{Led, Statistics};
+use crate::identify::objective::problem::Evaluation;
+use crate::identify::solve::trust_region::Local;
 use crate::linalg::Dense;
 
 /// The tests where the search ended.

@@ -1,14 +1,14 @@
 //! What becomes of the parameters that several tests share: budget, covariance, intervals.
 
-use super::super::bootstrap::Base;
-use super::super::budget::{Budget, Ingredients, NOISE_LEVEL};
-use super::super::constants::{Constant, ConstantEffect, Source};
-use super::super::discretisation::{Refined, Refinement};
-use super::super::fitted::{Fitted, FittedParameter, FittedQuantity, assess};
-use super::super::intervals::{IntervalBasis, doubts, settle};
 use super::known::Known;
 use super::search::{Searched, TestWeights};
 use super::sources::{CombinedConstant, Contribution, effects};
+use crate::identify::doubt::discretisation::{Refined, Refinement};
+use crate::identify::intervals::bootstrap::Base;
+use crate::identify::intervals::budget::{Budget, Ingredients, NOISE_LEVEL};
+use crate::identify::intervals::constants::{Constant, ConstantEffect, Source};
+use crate::identify::intervals::intervals_::{IntervalBasis, doubts, settle};
+use crate::identify::result::fitted::{Fitted, FittedParameter, FittedQuantity, assess};
 use crate::io::case::{Discretisation, Intervals};
 use crate::linalg::Dense;
 

@@ -1,14 +1,14 @@
 //! The misfit of each test at the parameters that all share, and of all of them together.
 
-use super::super::FitError;
-use super::super::constants::ConstantEffect;
-use super::super::misfit::{FALSE_REJECTIONS, Misfit, MisfitGroup, Unexplained, normal_tail};
-use super::super::objective::{Evaluation, Problem};
-use super::super::stage::full_weights;
-use super::super::statistics::Statistics;
-use super::super::trust_region::Local;
-use super::super::weights::Weights;
 use super::consistency::{Consistency, Pull, consistency};
+use crate::identify::FitError;
+use crate::identify::doubt::misfit::{FALSE_REJECTIONS, Misfit, MisfitGroup, Unexplained, normal_tail};
+use crate::identify::intervals::constants::ConstantEffect;
+use crate::identify::intervals::statistics::Statistics;
+use crate::identify::objective::problem::{Evaluation, Problem};
+use crate::identify::objective::weights::Weights;
+use crate::identify::solve::stage::full_weights;
+use crate::identify::solve::trust_region::Local;
 use crate::linalg::Dense;
 
 /// One test at the end of the fit.

@@ -1,12 +1,12 @@
 //! The prescribed parameters of the law of several tests, tried once as unknowns.
 
-use super::super::FitError;
-use super::super::objective::{Evaluation, Problem};
-use super::super::released::{EVALUATIONS, Released, ReleasedParameter, STEP, limit};
-use super::super::trust_region::{FitStatus, TrustRegionOptions};
-use super::super::unknowns::Unknowns;
 use super::known::Known;
 use super::search::{Searched, TestWeights, run};
+use crate::identify::FitError;
+use crate::identify::doubt::released::{EVALUATIONS, Released, ReleasedParameter, STEP, limit};
+use crate::identify::objective::problem::{Evaluation, Problem};
+use crate::identify::objective::unknowns::Unknowns;
+use crate::identify::solve::trust_region::{FitStatus, TrustRegionOptions};
 
 /// The trial from where the fit of `tests` under `weights` ended with the objective `omega`; `None` where nothing is prescribed, or the
 /// law allows no other values.

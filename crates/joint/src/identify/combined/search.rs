@@ -1,12 +1,12 @@
 //! The search for the parameters that all tests share.
 
-use super::super::FitError;
-use super::super::objective::{Evaluation, Problem};
-use super::super::options::FitOptions;
-use super::super::stage::{COARSE, Stage, distance, full_weights, no_texture};
-use super::super::trust_region::{End, FitStatus, Local, TrustRegionOptions, minimise_unless};
-use super::super::unknowns::Unknowns;
-use super::super::weights::{InverseCovariance, Weights};
+use crate::identify::FitError;
+use crate::identify::cases::options::FitOptions;
+use crate::identify::objective::problem::{Evaluation, Problem};
+use crate::identify::objective::unknowns::Unknowns;
+use crate::identify::objective::weights::{InverseCovariance, Weights};
+use crate::identify::solve::stage::{COARSE, Stage, distance, full_weights, no_texture};
+use crate::identify::solve::trust_region::{End, FitStatus, Local, TrustRegionOptions, minimise_unless};
 use crate::io::case::WeightKind;
 use crate::linalg::Dense;
 use rayon::prelude::*;

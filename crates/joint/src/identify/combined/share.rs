@@ -1,9 +1,9 @@
 //! What each of several tests tells by itself.
 
-use super::super::missing_mode::opening_share;
-use super::super::objective::{Evaluation, Problem};
 use super::alone::stds_of_information;
 use super::known::Known;
+use crate::identify::doubt::missing_mode::opening_share;
+use crate::identify::objective::problem::{Evaluation, Problem};
 use crate::linalg::Dense;
 
 /// Least growth of a standard uncertainty that makes a test worth something.

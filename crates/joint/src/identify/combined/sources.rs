@@ -1,11 +1,11 @@
 //! Constants of several tests: which are one and the same, and what each does to the parameters that all tests share.
 
-use super::super::budget::NOISE_LEVEL;
-use super::super::constants::{Constant, ConstantEffect, ConstantKind, Source, power_of_length};
-use super::super::error::{FitError, wrong};
-use super::super::objective::{Evaluation, Problem};
-use super::super::remarks::uncertainties_differ;
-use super::super::statistics::Statistics;
+use crate::identify::cases::error::{FitError, wrong};
+use crate::identify::doubt::remarks::uncertainties_differ;
+use crate::identify::intervals::budget::NOISE_LEVEL;
+use crate::identify::intervals::constants::{Constant, ConstantEffect, ConstantKind, Source, power_of_length};
+use crate::identify::intervals::statistics::Statistics;
+use crate::identify::objective::problem::{Evaluation, Problem};
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::Jump;
 use crate::remark::Remark;

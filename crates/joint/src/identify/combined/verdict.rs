@@ -1,10 +1,10 @@
 //! What a fit of several tests comes to: the verdict of a single one, and which test determines what.
 
-use super::super::fitted::FittedParameter;
-use super::super::misfit::{FALSE_REJECTIONS, Misfit, normal_tail};
-use super::super::verdict::{Grounds, Outcome, Verdict};
 use super::consistency::Consistency;
 use super::share::TestShare;
+use crate::identify::doubt::misfit::{FALSE_REJECTIONS, Misfit, normal_tail};
+use crate::identify::doubt::verdict::{Grounds, Outcome, Verdict};
+use crate::identify::result::fitted::FittedParameter;
 
 /// A parameter needs the tests together when the best of them alone leaves it with more than this times the uncertainty.
 const TOGETHER: f64 = 1.5;

@@ -1,0 +1,655 @@
+//! What an iteration has found: status, uncertainty, marks and summary of a frame.
+
+use crate::backend::{Backend, ElementMatch, Found, GreyTransfer, PixelSums};
+use crate::correlate::correlator::{Correlator, ENOUGH_BY_SIGMA, MATCHED};
+use crate::correlate::cracks::faces::{Followed, follow_nodes};
+use crate::correlate::error::CorrelationError;
+use crate::correlate::judge::marks::{Pair, mark_pulled_along};
+use crate::correlate::judge::screen::LEAST_LEFT;
+use crate::correlate::noise::misfit::{Look, Residuals};
+use crate::correlate::noise::model_error::{self, model_error};
+use crate::correlate::noise::noise_correlation::factors;
+use crate::correlate::noise::noise_model::{Elements, PhotonNoise};
+use crate::correlate::noise::uncertainty::{NodalSpread, NoiseGain, spread_of};
+use crate::correlate::prepare::gradient_noise::OfElement;
+use crate::correlate::prepare::level::Level;
+use crate::correlate::prepare::own::Own;
+use crate::correlate::prepare::texture::lost_in_noise;
+use crate::correlate::prior::filled::{continue_field, fill_field};
+use crate::correlate::result::correlation::{Correlation, StartUsed, ZoneResult, rigid};
+use crate::correlate::result::settled::{Iterated, Settled};
+use crate::correlate::solve::iterate::{Limits, Outcome, TOO_SLOW, iterate, nothing};
+use crate::correlate::solve::light::{Light, Seen, is_suspected};
+use crate::correlate::start::initial::numbers;
+use crate::field::{Brightness, ElementMark, Measurement, ModelError, Status};
+use rayon::prelude::*;
+
+/// A residual of this many times the noise of the reference says that a zone is misfit everywhere: out of focus, a
+/// reflection, another light.
+const MISFIT_EVERYWHERE: f64 = 3.0;
+/// An element is marked as misfit when the mean square of its residual is beyond noise, and this many times that of its zone
+/// (a quarter more in amplitude): less is what interpolation, light and compression leave in real images.
+const MARKED_RATIO: f64 = 1.5625;
+/// Light that is to be held has followed for so many iterations on every device, whenever it was seen that it does not settle.
+const LIGHT_ITERATIONS: usize = 34;
+/// While elements that do not match are still counted, light that has not settled is one where it leaves half of the elements less than this of their
+/// residual; else something that does not match has passed for it.
+const HELD_RATIO: f64 = 0.9;
+/// A zone so misfit that has lost more than this share of its elements is not found at all.
+const CHOSEN_SHARE: f64 = 0.2;
+
+/// A field whose iteration has ended, with what its uncertainties are made from.
+struct Ended<'a, B: Backend> {
+    outcome: &'a Outcome<B>,
+    light: Option<&'a Light>,
+    /// Per zone.
+    sums: &'a [PixelSums],
+    spread: &'a NodalSpread,
+    by_grey: Elements<'a>,
+    photon_noise: Option<PhotonNoise>,
+}
+
+/// What is measured of a field.
+struct Measured {
+    /// Standard uncertainty of both components of each node, px; zero where it is not measured.
+    sigma: Vec<[f64; 2]>,
+    measured: Vec<bool>,
+    zones: Vec<ZoneResult>,
+    /// Per zone, the share of the data that is not taken by unknowns.
+    freedom_left: Vec<f64>,
+    /// Per zone, the variance that is left in the residual for image noise of one grey level.
+    of_pair: Vec<f64>,
+    nodes_at_bound: usize,
+}
+
+/// The median over the elements of their residuals in those of `before`.
+fn median_ratio(after: &[ElementMatch], before: &[ElementMatch]) -> f64 {
+    let both = after.iter().zip(before).filter(|(after, before)| after.n > 0.0 && before.n > 0.0);
+    let mut ratios: Vec<f64> = both.map(|(after, before)| after.residual_rms / before.residual_rms).collect();
+    ratios.sort_by(f64::total_cmp);
+    ratios.get(ratios.len() / 2).copied().unwrap_or(f64::INFINITY)
+}
+
+impl<B: Backend> Correlator<B> {
+    /// Whether brightness and contrast may be smooth fields, and whether they are in every frame.
+    fn may_be_smooth(&self) -> Option<bool> {
+        match self.options.brightness {
+            Brightness::Auto => Some(false),
+            Brightness::Smooth => Some(true),
+            Brightness::Zone | Brightness::Element | Brightness::Off => None,
+        }
+    }
+
+    /// What an iteration has found; where the light asks for smooth fields, after iterating on with them. The fields follow the displacement one
+    /// iteration late, as the transfers of the zones do.
+    fn find_light(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        outcome: &mut Outcome<B>,
+        excluded: &[bool],
+    ) -> Result<(Found, Option<Light>), CorrelationError> {
+        let Level { mesh, prepared, moments, .. } = &self.levels[0];
+        let found = self.backend.read_field(prepared, frame, field)?;
+        let Some(always) = self.may_be_smooth() else { return Ok((found, None)) };
+        let settled = matches!(outcome.status, Status::Converged | Status::IterationLimit);
+        if !settled || !(always || is_suspected(mesh, &found.elements, moments)) {
+            return Ok((found, None));
+        }
+        let variances = self.variances(&found.displacement);
+        let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
+        let of_reference = self.noise_gain.of_reference();
+        let seen = Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference };
+        let Some(mut light) = Light::find(&seen, always) else { return Ok((found, None)) };
+        self.backend.light(prepared, frame, field, light.nodes())?;
+        let (turn, is_rest) = (outcome.turn, excluded.contains(&true));
+        let limits = if is_rest { self.rest_limits(turn) } else { self.limits(turn) };
+        let mut more = self.iterate_in_light(frame, field, &mut light, &found, limits)?;
+        more.iterations += outcome.iterations;
+        if outcome.status == Status::Converged && more.status != Status::Converged {
+            // What was found with one gain and offset per zone is worth more than a field that does not settle.
+            outcome.iterations = more.iterations;
+            self.remove_light(frame, field, &found.displacement)?;
+            return Ok((found, None));
+        }
+        more.own = more.own.or(outcome.own.take());
+        *outcome = more;
+        Ok((self.backend.read_field(prepared, frame, field)?, Some(light)))
+    }
+
+    /// Takes the light away again, and puts the field where it was.
+    fn remove_light(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        displacement: &[[f64; 2]],
+    ) -> Result<(), CorrelationError> {
+        let Level { mesh, prepared, .. } = &self.levels[0];
+        self.backend.light(prepared, frame, field, &vec![GreyTransfer::NONE; mesh.n_nodes()])?;
+        self.backend.place(prepared, frame, field, displacement)?;
+        self.backend.observe(prepared, frame, field)?;
+        Ok(())
+    }
+
+    /// Variances of the interpolated noise of every element, see [`Seen`].
+    fn variances(&self, displacement: &[[f64; 2]]) -> Vec<f64> {
+        let mesh = self.mesh();
+        (0..mesh.zones().len()).flat_map(|zone| self.noise_gain.variances(mesh, zone, displacement)).collect()
+    }
+
+    /// Iterates while the light follows the field, which was as `before` when the light was found. Where one holds the other up, and it is
+    /// light, it stays as it is from some iteration on: what remains to be found is the displacement.
+    pub(crate) fn iterate_in_light(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        light: &mut Light,
+        before: &Found,
+        limits: Limits<'_>,
+    ) -> Result<Outcome<B>, CorrelationError> {
+        let level @ Level { mesh, prepared, .. } = &self.levels[0];
+        let mut iterations = 0;
+        if !light.is_held() {
+            let (variances, of_reference) = (self.variances(&before.displacement), self.noise_gain.of_reference());
+            let mut follow = |frame: &mut B::Frame, field: &mut B::Field| {
+                let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
+                light.follow(&Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference });
+                self.backend.light(prepared, frame, field, light.nodes())
+            };
+            let limits = Limits { late_light: true, ..limits };
+            let outcome = iterate(&self.backend, level, frame, field, limits, &self.kernel, &mut follow)?;
+            if outcome.status != Status::IterationLimit {
+                return Ok(outcome);
+            }
+            let now = self.backend.read_field(prepared, frame, field)?;
+            // A solver of its own is asked for once what does not match has been left out.
+            if !limits.own && median_ratio(&now.elements, &before.elements) >= HELD_RATIO {
+                return Ok(outcome);
+            }
+            iterations = outcome.iterations;
+            while iterations < LIGHT_ITERATIONS {
+                let max_iterations = (LIGHT_ITERATIONS - iterations).min(TOO_SLOW[0] - 1);
+                let limits = Limits { max_iterations, ..limits };
+                let more = iterate(&self.backend, level, frame, field, limits, &self.kernel, &mut follow)?;
+                iterations += more.iterations;
+                if more.status != Status::IterationLimit {
+                    break;
+                }
+            }
+            light.hold();
+        }
+        let mut outcome = iterate(&self.backend, level, frame, field, limits, &self.kernel, nothing)?;
+        outcome.iterations += iterations;
+        Ok(outcome)
+    }
+
+    /// Status, uncertainty and summary of a finished iteration, without the elements that are `excluded` (an empty list
+    /// for none) and those that turn out not to match.
+    pub(crate) fn finish(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        outcome: Outcome<B>,
+        start: StartUsed,
+        coarse_iterations: usize,
+        excluded: Vec<bool>,
+    ) -> Result<Correlation, CorrelationError> {
+        let iterated = self.end_iteration(frame, field, outcome, excluded)?;
+        let settled = self.settle(frame, field, iterated)?;
+        Ok(self.measure(frame, settled, start, coarse_iterations))
+    }
+
+    /// What a finished iteration without the elements that are `excluded` has found, see [`Correlator::find_light`].
+    pub(crate) fn end_iteration(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        mut outcome: Outcome<B>,
+        mut excluded: Vec<bool>,
+    ) -> Result<Iterated<B>, CorrelationError> {
+        excluded.resize(self.mesh().n_elements(), false);
+        let (mut found, light) = self.find_light(frame, field, &mut outcome, &excluded)?;
+        self.fill(&outcome, &mut found, &excluded);
+        Ok(Iterated { outcome, found, light, excluded })
+    }
+
+    /// What an iteration has found that has not settled, without what keeps it from that, see [`Correlator::iterate_without_astray`].
+    pub(crate) fn end_without_astray(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        safe: &[[f64; 2]],
+        iterated: Iterated<B>,
+    ) -> Result<Iterated<B>, CorrelationError> {
+        if iterated.outcome.status == Status::Converged {
+            return Ok(iterated);
+        }
+        let Iterated { outcome, found, light, mut excluded } = iterated;
+        if light.is_some() {
+            self.remove_light(frame, field, &found.displacement)?;
+        }
+        let outcome = self.iterate_without_astray(frame, field, safe, outcome, &mut excluded)?;
+        self.end_iteration(frame, field, outcome, excluded)
+    }
+
+    /// Puts nodes of elements that are `excluded`, and those that noise has kept from settling, where the field around them would have them: what
+    /// comes after may be begun from there.
+    fn fill(&self, outcome: &Outcome<B>, found: &mut Found, excluded: &[bool]) {
+        let mesh = &self.levels[0].mesh;
+        if excluded.contains(&true) {
+            found.displacement = continue_field(mesh, &found.displacement, &found.elements);
+        }
+        if outcome.unsettled.is_empty() {
+            return;
+        }
+        let mut known = vec![true; mesh.n_nodes()];
+        outcome.unsettled.iter().for_each(|&node| known[node] = false);
+        found.displacement = fill_field(mesh, &found.displacement, known);
+    }
+
+    /// Its field without those elements that turn out not to match: the end of what the device has to do.
+    pub(crate) fn settle(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        Iterated { mut outcome, mut found, mut light, mut excluded }: Iterated<B>,
+    ) -> Result<Settled<B>, CorrelationError> {
+        let before = excluded.clone();
+        self.screen(frame, field, &mut outcome, &mut found, light.as_mut(), &mut excluded)?;
+        self.fill(&outcome, &mut found, &excluded);
+        let matches = self.zone_matches(&found.zones, &found.elements);
+        let status = self.judge(&outcome, &found.elements, &matches, &excluded);
+        let is_as_iterated = status == Status::Converged && excluded == before;
+        Ok(Settled { of: Iterated { outcome, found, light, excluded }, is_as_iterated, matches, status })
+    }
+
+    /// Uncertainty, marks and summary of a field, and whether it is one.
+    pub(crate) fn measure(
+        &self,
+        frame: &B::Frame,
+        Settled { of: Iterated { outcome, found, light, excluded }, matches, mut status, .. }: Settled<B>,
+        start: StartUsed,
+        coarse_iterations: usize,
+    ) -> Correlation {
+        let level = &self.levels[0];
+        let mesh = &level.mesh;
+        let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } = found;
+        let (measured, nodes_left) = self.measured_nodes(&elements, &full_displacement, &excluded);
+        let own_spread = outcome.own.as_ref().map(|own| self.own_spread(own));
+        let by_grey = Elements {
+            mesh,
+            moments: &level.moments,
+            matched: &elements,
+            displacement: &full_displacement,
+            transfer: &transfers,
+            grey_offset: f64::from(self.kernel.grey_offset),
+            gain: &self.noise_gain,
+            least: self.rounding * self.rounding,
+        };
+        let photon_noise = by_grey.photon(self.options.noise);
+        let spread = own_spread.as_ref().unwrap_or(&self.spread);
+        let of = Ended { outcome: &outcome, light: light.as_ref(), sums: &last, spread, by_grey, photon_noise };
+        let mut made = self.measure_zones(&of, &matches, measured);
+        if status == Status::IterationLimit && self.is_enough(&outcome, &made.sigma) {
+            status = Status::Converged;
+        }
+        let image = self.backend.image(frame);
+        let pair = Pair::new([&self.image, &image], mesh, &full_displacement);
+        let probe = self.probe.as_ref().filter(|_| status == Status::Converged);
+        let light_nodes = light.as_ref().map(Light::nodes);
+        let noise_colour = probe.and_then(|probe| probe.look(&of.by_grey, &image, light_nodes, &made.freedom_left));
+        // Noise that is correlated, as that of resampled images, shows little in the fine structure; a reflection may pass for it.
+        let is_coloured = noise_colour.is_some_and(|colour| colour.to_apply().is_some());
+        let everywhere = self.misfit_everywhere(&elements, &made.zones, &pair, is_coloured);
+        let nodes_in_noise = self.leave_out_noise(&of, &everywhere, &mut made);
+        let noise_factor = factors(self.options.noise_correlation, noise_colour.as_ref());
+        let own_noise = photon_noise.map(|noise| of.by_grey.by_node(noise));
+        for (node, sigma) in made.sigma.iter_mut().enumerate() {
+            let own = own_noise.as_ref().map_or([1.0; 2], |own| own[node]);
+            (0..2).for_each(|c| sigma[c] *= own[c] * noise_factor[c]);
+        }
+        let (model_error, misfit) = self.model_error(&of, &made, &excluded);
+        if everywhere.iter().enumerate().any(|(zone, &noisy)| noisy && self.has_lost(zone, &excluded)) {
+            // What is left after the choice of the best is no match: anything would have some.
+            status = Status::Diverged;
+        }
+        let Measured { sigma, measured, zones, nodes_at_bound, .. } = made;
+        let mut marks = self.marks(&pair, &elements, &excluded, &misfit, &everywhere);
+        mark_pulled_along(mesh, &mut marks, &model_error, &sigma);
+        let counted: Vec<bool> = elements.iter().map(|e| e.n > 0.0).collect();
+        let mut all = PixelSums::default();
+        last.iter().for_each(|sums| all.add(sums));
+        let displacement =
+            full_displacement.iter().zip(&measured).map(|(u, &m)| if m { *u } else { [0.0; 2] }).collect();
+        let rigid = rigid(mesh, &full_displacement, &measured, 0..mesh.n_nodes());
+        if let Some(own) = outcome.own {
+            own.give_back(&self.backend, level);
+        }
+        Correlation {
+            measurement: Measurement {
+                mesh: mesh.clone(),
+                status,
+                displacement,
+                sigma,
+                measured,
+                element_residual: elements.iter().map(|e| e.residual_rms).collect(),
+                model_error: Some(model_error),
+                marks: Some(marks),
+                points: None,
+            },
+            iterations: outcome.iterations,
+            coarse_iterations,
+            noise_colour,
+            noise_factor,
+            photon_noise,
+            traffic: self.backend.traffic(frame),
+            correction_px: outcome.correction_px,
+            correction_at: mesh.nodes()[outcome.worst_node],
+            residual_rms: all.residual_rms(),
+            residual_percent: 100.0 * all.residual_rms() / self.grey_range.max(f64::MIN_POSITIVE),
+            rigid,
+            zones,
+            start,
+            nodes_left,
+            nodes_in_noise,
+            nodes_at_bound,
+            ambiguity: None,
+            poor_elements: elements.iter().filter(|e| e.n > 0.0 && e.correlation < MATCHED).count(),
+            reference_frame: 0,
+            device_checked_px: None,
+            full_displacement,
+            counted,
+            left_out: numbers(&excluded),
+            worst_node: outcome.worst_node,
+        }
+    }
+
+    /// Measures what each zone has found, and gives the `measured` nodes their standard uncertainties. A node without a
+    /// finite one is not measured.
+    fn measure_zones(&self, of: &Ended<'_, B>, matches: &[f64], measured: Vec<bool>) -> Measured {
+        let Ended { outcome, light, sums: last, spread, by_grey, photon_noise } = of;
+        let (mesh, transfers, displacement) = (by_grey.mesh, by_grey.transfer, by_grey.displacement);
+        let (sigma, zones) = (vec![[0.0; 2]; mesh.n_nodes()], Vec::new());
+        let (freedom_left, of_pair) = (Vec::new(), Vec::new());
+        let mut made = Measured { sigma, measured, zones, freedom_left, of_pair, nodes_at_bound: 0 };
+        for (zone, name) in mesh.zones().iter().enumerate() {
+            let nodes = mesh.zone_nodes(zone);
+            let sums = &last[zone];
+            let (transfer, smooth) = match light {
+                Some(light) => light.of_zone(mesh, zone, transfers[zone], |transfer| self.offset_of(transfer)),
+                None => (transfers[zone], None),
+            };
+            let of_light = light.map_or(0.0, |light| light.unknowns(zone));
+            let n_transfers = match self.options.brightness {
+                Brightness::Auto | Brightness::Zone | Brightness::Smooth => 1,
+                Brightness::Element => mesh.zone_elements(zone).len(),
+                Brightness::Off => 0,
+            };
+            let taken: f64 = nodes.clone().filter(|&node| made.measured[node]).map(|node| spread.freedom[node]).sum();
+            let unknowns = taken + of_light + 2.0 * n_transfers as f64;
+            let freedom_left = 1.0 - unknowns / sums.n.max(1.0);
+            made.freedom_left.push(freedom_left);
+            let by_sums = self.options.brightness.of_sums() == Brightness::Zone && light.is_none();
+            let gain = self.noise_gain.of_zone(mesh, zone, displacement, transfer, by_sums.then_some(sums));
+            // Identical images still hold the same rounding.
+            made.of_pair.push(gain.residual * freedom_left.max(f64::MIN_POSITIVE));
+            let residual_noise = NoiseGain::noise_of_residual(&gain, sums, unknowns).max(self.rounding);
+            let given = photon_noise.map(|noise| by_grey.in_zone(zone, noise)).or(self.options.noise.constant());
+            let noise = given.unwrap_or(residual_noise);
+            for node in nodes.clone().filter(|&node| made.measured[node]) {
+                let at = [0, 1].map(|c| spread.at(node, c, gain.lambda(noise)));
+                made.nodes_at_bound += usize::from(at.iter().any(|at| at.at_bound));
+                let variances = [0, 1].map(|c| gain.variance(noise, at[c], c));
+                made.sigma[node] = outcome.turn.variances(variances).map(f64::sqrt);
+            }
+            made.zones.push(ZoneResult {
+                name: name.clone(),
+                rigid: rigid(mesh, displacement, &made.measured, nodes),
+                transfer,
+                light: smooth,
+                correlation: matches[zone],
+                residual_rms: sums.residual_rms(),
+                noise,
+                residual_noise,
+            });
+        }
+        for (sigma, measured) in made.sigma.iter_mut().zip(&mut made.measured) {
+            if sigma.iter().any(|sigma| !sigma.is_finite()) {
+                (*sigma, *measured) = ([0.0; 2], false);
+            }
+        }
+        made
+    }
+
+    /// Whether the last correction of the node that moved most is next to nothing beside its standard uncertainty.
+    fn is_enough(&self, outcome: &Outcome<B>, sigma: &[[f64; 2]]) -> bool {
+        let [x, y] = sigma[outcome.worst_node];
+        let is_noisy = self.enough.get(outcome.worst_node).is_some_and(|enough| enough.is_noisy);
+        is_noisy && outcome.correction_px < ENOUGH_BY_SIGMA * x.min(y)
+    }
+
+    /// Says of each zone whether it is misfit everywhere; where the noise `is_coloured`, one is that does not move with
+    /// its pattern.
+    fn misfit_everywhere(
+        &self,
+        elements: &[ElementMatch],
+        zones: &[ZoneResult],
+        pair: &Pair<'_>,
+        is_coloured: bool,
+    ) -> Vec<bool> {
+        let noisy = |(zone, of): (usize, &ZoneResult)| {
+            let noisy = of.residual_noise > MISFIT_EVERYWHERE * self.misfit_test.fine().max(self.rounding);
+            let counts = |&element: &usize| elements[element].n > 0.0;
+            noisy && (!is_coloured || pair.something_is_still(self.mesh().zone_elements(zone).filter(counts)))
+        };
+        zones.iter().enumerate().map(noisy).collect()
+    }
+
+    /// Leaves out the nodes that noise has kept from settling, and those that are lost in it; returns how many these
+    /// are.
+    fn leave_out_noise(&self, of: &Ended<'_, B>, everywhere: &[bool], made: &mut Measured) -> usize {
+        let mesh = self.mesh();
+        let mut in_noise = self.lost_in_noise(of.by_grey.matched, &made.of_pair, &made.measured);
+        // What is misfit everywhere is no noise to be lost in.
+        in_noise.retain(|&node| !everywhere[mesh.node_zone()[node] as usize]);
+        in_noise.extend(of.outcome.unsettled.iter().filter(|&&node| made.measured[node]));
+        in_noise.sort_unstable();
+        in_noise.dedup();
+        in_noise.iter().for_each(|&node| (made.sigma[node], made.measured[node]) = ([0.0; 2], false));
+        if !in_noise.is_empty() {
+            for (zone, result) in made.zones.iter_mut().enumerate() {
+                result.rigid = rigid(mesh, of.by_grey.displacement, &made.measured, mesh.zone_nodes(zone));
+            }
+        }
+        in_noise.len()
+    }
+
+    /// Finds the model error, and whether each element is to be marked as misfit.
+    fn model_error(&self, of: &Ended<'_, B>, made: &Measured, excluded: &[bool]) -> (ModelError, Vec<bool>) {
+        let Level { mesh, solver, .. } = &self.levels[0];
+        let displacement = of.by_grey.displacement;
+        let residuals = Residuals {
+            elements: of.by_grey.matched,
+            displacement,
+            transfer: of.by_grey.transfer,
+            freedom: &of.spread.freedom,
+            freedom_of_element: if self.options.brightness == Brightness::Element { 2.0 } else { 0.0 },
+            noise: self.options.noise.constant(),
+        };
+        let (excess, looks) = self.misfit_test.excess_and_looks(mesh, &self.noise_gain, &residuals, excluded, MATCHED);
+        let found = model_error::Found {
+            displacement,
+            sigma: &made.sigma,
+            measured: &made.measured,
+            not_followed: &excess.nodes,
+            solver: of.outcome.own.as_ref().map_or(&**solver, |own| &own.solver),
+        };
+        let model_error = ModelError { nodes: model_error(&self.mesh_lines, &found), misfit: excess.not_followed };
+        let is_misfit =
+            |(look, &misfit): (&Option<Look>, &f64)| misfit > 0.0 && look.is_some_and(|look| look.ratio > MARKED_RATIO);
+        let misfit = looks.iter().zip(&model_error.misfit).map(is_misfit).collect();
+        (model_error, misfit)
+    }
+
+    /// What was found, with the nodes on faces of cuts that their elements have lost and that can be followed by themselves; they keep
+    /// the marks of their elements. `expected` is where the frame was started, all nodes.
+    pub(crate) fn add_faces(
+        &self,
+        frame: &B::Frame,
+        mut found: Correlation,
+        expected: Option<&[[f64; 2]]>,
+    ) -> Correlation {
+        let gone: Vec<bool> = found.counted.iter().map(|counted| !counted).collect();
+        if found.measurement.status != Status::Converged || !gone.contains(&true) {
+            return found;
+        }
+        let (mesh, image) = (self.mesh(), self.backend.image(frame));
+        let faces = follow_nodes(
+            [&self.image, &image],
+            mesh,
+            self.cut_nodes(),
+            self.zone_pixels(),
+            [&found.measurement.measured, &self.levels[0].keep, &gone],
+            &found.full_displacement,
+            expected,
+        );
+        if faces.is_empty() {
+            return found;
+        }
+        let field = &mut found.measurement;
+        for Followed { node, displacement, sigma } in faces {
+            found.full_displacement[node] = displacement;
+            (field.displacement[node], field.sigma[node], field.measured[node]) = (displacement, sigma, true);
+        }
+        found.rigid = rigid(mesh, &found.full_displacement, &field.measured, 0..mesh.n_nodes());
+        found
+    }
+
+    /// The spread of a frame with a solver of its own.
+    fn own_spread(&self, own: &Own<B>) -> NodalSpread {
+        let Level { mesh, moments, pattern, regulariser, lambda, .. } = &self.levels[0];
+        let isa = self.backend.host_isa();
+        let solvers = (&*own.solver, regulariser.as_ref());
+        if let Some(spread) = self.spread.update(isa, (mesh, moments), pattern, solvers, &own.changed) {
+            return spread;
+        }
+        let of_element = |element: usize| match own.changed.elements.binary_search(&(element as u32)) {
+            Ok(_) => *own.changed.of(element as u32),
+            Err(_) => OfElement::new(mesh, element, &moments[element], &self.kernel, *lambda),
+        };
+        let of_elements: Vec<_> = (0..mesh.n_elements()).into_par_iter().with_min_len(64).map(of_element).collect();
+        spread_of(isa, mesh, &own.solver, regulariser.as_ref(), &of_elements)
+    }
+
+    /// How well each zone matches: its correlation coefficient, or what stands for it.
+    fn zone_matches(&self, zones: &[PixelSums], elements: &[ElementMatch]) -> Vec<f64> {
+        let mesh = self.mesh();
+        let match_of = |(zone, sums): (usize, &PixelSums)| match self.options.brightness {
+            Brightness::Element => ElementMatch::mean_correlation(&elements[mesh.zone_elements(zone)]),
+            // Without a transfer a change of light is misfit, although it correlates.
+            Brightness::Off => sums.explained(),
+            Brightness::Auto | Brightness::Zone | Brightness::Smooth => sums.correlation(),
+        };
+        zones.iter().enumerate().map(match_of).collect()
+    }
+
+    /// Nodes beside an element that counted, with a displacement that an image of this size can have, and the number of those all of whose elements
+    /// have left the image; those that have lost one because it is `excluded` are not among them.
+    fn measured_nodes(
+        &self,
+        elements: &[ElementMatch],
+        displacement: &[[f64; 2]],
+        excluded: &[bool],
+    ) -> (Vec<bool>, usize) {
+        let Level { mesh, keep, .. } = &self.levels[0];
+        let mut measured = vec![false; mesh.n_nodes()];
+        let mut named = vec![false; mesh.n_nodes()];
+        for ((nodes, sums), &excluded) in mesh.elements().iter().zip(elements).zip(excluded) {
+            for &node in nodes {
+                measured[node as usize] |= sums.n > 0.0;
+                named[node as usize] |= excluded;
+            }
+        }
+        let left = (0..keep.len()).filter(|&node| keep[node] && !measured[node] && !named[node]).count();
+        // From one end of the image to the other; NaN is not within.
+        let most = self.size.map(|size| size as f64 + mesh.element_size());
+        for (node, measured) in measured.iter_mut().enumerate() {
+            *measured &= keep[node] && displacement[node].iter().zip(&most).all(|(u, most)| u.abs() <= *most);
+        }
+        (measured, left)
+    }
+
+    /// The measured nodes whose texture does not stand out of the noise that the residual shows. THEORY 2.
+    fn lost_in_noise(&self, elements: &[ElementMatch], of_pair: &[f64], measured: &[bool]) -> Vec<usize> {
+        if self.seen.is_empty() {
+            return Vec::new();
+        }
+        let gain = self.options.interpolation.gradient_noise_gain() / self.options.n_references.max(1) as f64;
+        lost_in_noise(self.mesh(), &self.seen, elements, of_pair, gain, measured)
+    }
+
+    /// Whether a zone has lost so many elements that do not match that those left have been chosen.
+    fn has_lost(&self, zone: usize, excluded: &[bool]) -> bool {
+        let elements = self.mesh().zone_elements(zone);
+        let lost = elements.clone().filter(|&element| excluded[element]).count();
+        lost as f64 > CHOSEN_SHARE * elements.len() as f64
+    }
+
+    /// What is the matter with each element, by name.
+    fn marks(
+        &self,
+        pair: &Pair<'_>,
+        elements: &[ElementMatch],
+        excluded: &[bool],
+        misfit: &[bool],
+        everywhere: &[bool],
+    ) -> Vec<ElementMark> {
+        let Level { mesh, moments, .. } = &self.levels[0];
+        let counts = |element: &usize| elements[*element].n > 0.0;
+        // What is nearly everywhere in a zone has one name, and is told by all of it.
+        let is_wide = |zone: usize| {
+            let counted = || mesh.zone_elements(zone).filter(counts);
+            let named = counted().filter(|&element| misfit[element]).count();
+            everywhere[zone] || 2 * named > counted().count()
+        };
+        let of_zone = |zone: usize| match is_wide(zone) {
+            true if pair.something_is_still(mesh.zone_elements(zone).filter(counts)) => ElementMark::Still,
+            true => ElementMark::Misfit,
+            false => ElementMark::None,
+        };
+        let of_zones: Vec<ElementMark> = (0..mesh.zones().len()).map(of_zone).collect();
+        let of_element = |element: usize| match (excluded[element], elements[element].n > 0.0) {
+            _ if moments[element].n == 0.0 => ElementMark::NoTexture,
+            (true, _) => pair.name(element, ElementMark::NoMatch),
+            (false, false) => ElementMark::LeftImage,
+            (false, true) => {
+                let zone = mesh.element_zone()[element] as usize;
+                match of_zones[zone] {
+                    mark if everywhere[zone] => mark,
+                    _ if !misfit[element] => ElementMark::None,
+                    ElementMark::None => pair.name(element, ElementMark::Misfit),
+                    mark => mark,
+                }
+            }
+        };
+        (0..mesh.n_elements()).map(of_element).collect()
+    }
+
+    fn judge(&self, outcome: &Outcome<B>, elements: &[ElementMatch], matches: &[f64], excluded: &[bool]) -> Status {
+        let Level { mesh, moments, .. } = &self.levels[0];
+        let out = (0..mesh.zones().len()).find_map(|zone| {
+            let in_use = || mesh.zone_elements(zone).filter(|&element| moments[element].n > 0.0);
+            let (all, out) = (in_use().count(), in_use().filter(|&element| elements[element].n == 0.0).count());
+            let mismatched = in_use().filter(|&element| excluded[element]).count();
+            let is_gone = out as f64 > (1.0 - LEAST_LEFT) * all as f64;
+            is_gone.then_some(if 2 * mismatched > out { Status::Diverged } else { Status::LeftImage })
+        });
+        if let Some(status) = out {
+            status
+        } else if outcome.status != Status::Diverged && matches.iter().any(|&m| m <= MATCHED) {
+            Status::Diverged
+        } else {
+            outcome.status
+        }
+    }
+}

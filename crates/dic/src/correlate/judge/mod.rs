@@ -1,0 +1,5 @@
+//! Which elements and frames count.
+
+pub(crate) mod finish;
+pub(crate) mod marks;
+pub(crate) mod screen;

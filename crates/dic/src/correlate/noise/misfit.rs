@@ -1,0 +1,483 @@
+//! Where the residual says that the field is not followed (THEORY 11): every element against the noise of its zone.
+//!
+//! Noise is alike in elements of much and of little texture; a displacement `du` that is not followed, and a blur, leave
+//! a residual that grows with the gradient, `mean (grad f . du)^2`. So the mean squares of the residual of the elements of a
+//! zone are fitted by noise (constant, and with the grey level, as photons make it) plus a share of the gradient's; the
+//! first is the noise that the elements are held against, and needs to be known from nowhere else. A small share of the
+//! gradient's, below a tenth in amplitude, is counted as misfit only where the reference has less noise than that by its
+//! fine structure: the interpolation of fine texture leaves as much.
+
+use crate::backend::{ElementMatch, ElementMoments, GreyTransfer};
+use crate::correlate::noise::uncertainty::NoiseGain;
+use crate::mesh::{Mesh, shape_functions};
+use crate::units::Px;
+
+/// Share of the elements of a zone without misfit that the test names, all of them together.
+const FALSE_ALARM: f64 = 0.01;
+/// The residual of an element has to exceed that of noise by this share as well: less may be noise that is not the same
+/// everywhere.
+const EXCESS_AMPLITUDE: f64 = 0.1;
+/// and the displacement that is not followed this many px: less is the interpolation's and the rounding's.
+const EXCESS_PX: f64 = 0.02;
+/// Elements of a zone from which its noise can be told from its misfit.
+const ENOUGH: usize = 16;
+/// Least share of the noise's variance that a misfit everywhere adds, and that share where the fine structure of the
+/// reference says that its noise is less by [`LESS`].
+const EVERYWHERE: [f64; 2] = [0.21, 0.05];
+const LESS: f64 = 0.8;
+/// A share of the gradient this many standard deviations from nothing is real.
+const SIGNIFICANT: f64 = 3.0;
+/// Elements that are enough to tell the noise of a zone by; of more, every second, third, .. is taken.
+const SAMPLE: usize = 1024;
+/// Elements beyond this many standard deviations do not say what the noise is.
+const OUTLYING: f64 = 3.5;
+
+/// Elements that match are enough to say what the noise of their zone is when they are more than this share of it.
+const LEAST_ALIKE: f64 = 0.15;
+
+/// What the test knows of an element before any frame.
+#[derive(Debug, Clone, Copy)]
+struct ElementTexture {
+    /// Mean square of each component of the gradient, (grey levels per px)^2.
+    gradient: [f64; 2],
+    /// Mean grey level, and variance about it.
+    grey: f64,
+    variance: f64,
+}
+
+/// The elements of a reference as the test sees them.
+#[derive(Debug)]
+pub(crate) struct MisfitTest {
+    texture: Vec<ElementTexture>,
+    /// Elements around each node.
+    around: Vec<f64>,
+    gradient_noise_gain: f64,
+    /// Noise of the reference by its fine structure, which texture may add to, grey levels.
+    fine: f64,
+}
+
+/// What one frame's residual says of its elements.
+#[derive(Debug)]
+pub(crate) struct Excess {
+    /// Displacement that each element does not follow, root mean square, px; zero where the test does not name it.
+    pub not_followed: Vec<f64>,
+    /// Square of the displacement of each component not followed around each node, px^2: zero where nothing shows.
+    pub nodes: Vec<[f64; 2]>,
+}
+
+/// What one element's residual is against that of its zone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Look {
+    /// Mean square of the residual over that of the noise of the zone, what the field leaves there everywhere included.
+    pub ratio: f64,
+    /// Displacement that would leave what is beyond, root mean square, px.
+    pub px: f64,
+    /// What is beyond, over the variance of the texture.
+    pub share: f64,
+}
+
+/// What the test takes of a frame.
+pub(crate) struct Residuals<'a> {
+    pub elements: &'a [ElementMatch],
+    pub displacement: &'a [[f64; 2]],
+    /// Per zone.
+    pub transfer: &'a [GreyTransfer],
+    /// Degrees of freedom that each node takes, and each element beside.
+    pub freedom: &'a [f64],
+    pub freedom_of_element: f64,
+    /// Noise of one image where it is stated, grey levels.
+    pub noise: Option<f64>,
+}
+
+/// An element that is looked at.
+struct Seen {
+    element: usize,
+    /// Pixels less degrees of freedom.
+    n: f64,
+    /// Variance of the residual for noise of one grey level.
+    gain: f64,
+    /// Mean square of the residual over `gain`: the noise's variance, and what is beyond.
+    y: f64,
+    grey: f64,
+    /// Mean square of a component of the gradient over `gain`.
+    x: f64,
+}
+
+/// The noise of a zone, as its elements show it.
+#[derive(Clone, Copy)]
+struct ZoneNoise {
+    /// Variance at the mean grey level, and its slope.
+    constant: f64,
+    slope: f64,
+    mean_grey: f64,
+    /// Standard deviation of an element's mean square of pure noise, in that, times the root of its pixels.
+    spread: f64,
+    /// Part of the variance that grows with the gradient and is taken for noise all the same, px^2.
+    by_texture: f64,
+    /// Square of the displacement that is followed nowhere, px^2; zero where that is not significant.
+    everywhere: f64,
+}
+
+impl ZoneNoise {
+    fn at(&self, seen: &Seen) -> f64 {
+        // Dark elements are not without noise.
+        let noise = (self.constant + self.slope * (seen.grey - self.mean_grey)).max(0.25 * self.constant);
+        noise + self.by_texture * seen.x
+    }
+}
+
+impl MisfitTest {
+    pub fn new(mesh: &Mesh<Px>, moments: &[ElementMoments], gradient_noise_gain: f64, fine: f64) -> Self {
+        let texture = moments
+            .iter()
+            .map(|m| {
+                let n = m.n.max(1.0);
+                let grey = m.f / n;
+                let variance = m.ff / n - grey * grey;
+                ElementTexture { gradient: [m.gradient_power(0) / n, m.gradient_power(2) / n], grey, variance }
+            })
+            .collect();
+        let mut around = vec![0.0; mesh.n_nodes()];
+        for (nodes, m) in mesh.elements().iter().zip(moments) {
+            let corners = if nodes[2] == nodes[3] { 3 } else { 4 };
+            nodes[..corners].iter().for_each(|&node| around[node as usize] += f64::from(u8::from(m.n > 0.0)));
+        }
+        Self { texture, around, gradient_noise_gain, fine }
+    }
+
+    /// Noise of the reference by its fine structure, which texture may add to, grey levels.
+    pub fn fine(&self) -> f64 {
+        self.fine
+    }
+
+    /// What the residual of a frame says, and [`MisfitTest::rate_residuals`]: what both need is made once.
+    pub fn excess_and_looks(
+        &self,
+        mesh: &Mesh<Px>,
+        gain: &NoiseGain,
+        frame: &Residuals<'_>,
+        excluded: &[bool],
+        matched: f64,
+    ) -> (Excess, Vec<Option<Look>>) {
+        let seen = self.look_at_zones(mesh, gain, frame);
+        let noise: Vec<Option<ZoneNoise>> =
+            seen.iter().map(|seen| self.noise_of(gain, frame, &sample_of(seen.iter().collect()))).collect();
+        let looks = self.rate_elements(mesh, gain, frame, &seen, Some(&noise), excluded, matched);
+        (self.excess(mesh, &seen, &noise), looks)
+    }
+
+    /// The elements of each zone that are looked at.
+    fn look_at_zones(&self, mesh: &Mesh<Px>, gain: &NoiseGain, frame: &Residuals<'_>) -> Vec<Vec<Seen>> {
+        let of_zone =
+            |zone| mesh.zone_elements(zone).filter_map(|element| self.look_at(mesh, gain, frame, element)).collect();
+        (0..mesh.zones().len()).map(of_zone).collect()
+    }
+
+    fn noise_of(&self, gain: &NoiseGain, frame: &Residuals<'_>, sample: &[&Seen]) -> Option<ZoneNoise> {
+        zone_noise(sample, frame.noise, self.fine, self.gradient_noise_gain * gain.of_reference().powi(2))
+    }
+
+    fn excess(&self, mesh: &Mesh<Px>, seen: &[Vec<Seen>], noise: &[Option<ZoneNoise>]) -> Excess {
+        let mut not_followed = vec![0.0; mesh.n_elements()];
+        // Residual, noise, gradients and variance of the noise, added up around each node.
+        let mut sums = vec![[0.0; 5]; mesh.n_nodes()];
+        let mut everywhere = vec![0.0; mesh.zones().len()];
+        for ((everywhere, seen), noise) in everywhere.iter_mut().zip(seen).zip(noise) {
+            let Some(noise) = noise else { continue };
+            *everywhere = noise.everywhere;
+            let beyond = normal_quantile(1.0 - FALSE_ALARM / seen.len() as f64);
+            for one in seen {
+                let expected = noise.at(one);
+                let spread = noise.spread / one.n.sqrt();
+                // The noise is in the gradient as well, and no texture.
+                let texture = |c: usize| {
+                    let power = self.texture[one.element].gradient[c];
+                    (power - self.gradient_noise_gain * expected).max(0.25 * power)
+                };
+                let gradient = [texture(0), texture(1)];
+                let excess = one.gain * (one.y - expected).max(0.0);
+                let px = (excess / (0.5 * (gradient[0] + gradient[1])).max(f64::MIN_POSITIVE)).sqrt();
+                // Where there is misfit everywhere no single element has to prove it.
+                let by_chance = if noise.everywhere > 0.0 { 0.0 } else { chi_square_ratio(beyond, spread) };
+                let limit = by_chance.max((1.0 + EXCESS_AMPLITUDE).powi(2));
+                if one.y > limit * expected && px > EXCESS_PX {
+                    not_followed[one.element] = px;
+                }
+                let nodes = mesh.elements()[one.element];
+                let corners = if nodes[2] == nodes[3] { 3 } else { 4 };
+                let expected = expected * one.gain;
+                let terms = [one.y * one.gain, expected, gradient[0], gradient[1], (spread * expected).powi(2) * one.n];
+                for &node in &nodes[..corners] {
+                    let sum = &mut sums[node as usize];
+                    for (sum, term) in sum.iter_mut().zip(terms) {
+                        *sum += one.n * term;
+                    }
+                }
+            }
+        }
+        let at_node = |(node, [found, noise, gx, gy, variance]): (usize, [f64; 5])| {
+            let excess = found - noise;
+            let there = if excess > SIGNIFICANT * variance.sqrt() { excess } else { 0.0 };
+            let floor = everywhere[mesh.node_zone()[node] as usize];
+            [gx, gy].map(|gradient| if gradient > 0.0 { (there / gradient).max(floor) } else { 0.0 })
+        };
+        Excess { not_followed, nodes: sums.into_iter().enumerate().map(at_node).collect() }
+    }
+
+    /// How far the residual of each element is beyond what that of its zone is; none of elements that say nothing.
+    /// Those `excluded` are looked at, but do not say what the noise is; nor do those whose correlation coefficient is
+    /// below `matched`, unless all but a few are.
+    pub fn rate_residuals(
+        &self,
+        mesh: &Mesh<Px>,
+        gain: &NoiseGain,
+        frame: &Residuals<'_>,
+        excluded: &[bool],
+        matched: f64,
+    ) -> Vec<Option<Look>> {
+        let seen = self.look_at_zones(mesh, gain, frame);
+        self.rate_elements(mesh, gain, frame, &seen, None, excluded, matched)
+    }
+
+    /// The same at the elements `seen`, where the noise that all of a zone show may be known.
+    #[allow(clippy::too_many_arguments, reason = "those of `looks`, and what is known")]
+    fn rate_elements(
+        &self,
+        mesh: &Mesh<Px>,
+        gain: &NoiseGain,
+        frame: &Residuals<'_>,
+        seen: &[Vec<Seen>],
+        known: Option<&[Option<ZoneNoise>]>,
+        excluded: &[bool],
+        matched: f64,
+    ) -> Vec<Option<Look>> {
+        let mut looks = vec![None; mesh.n_elements()];
+        for (zone, seen) in seen.iter().enumerate() {
+            let kept = |one: &&Seen| !excluded[one.element];
+            let alike = |one: &&Seen| kept(one) && frame.elements[one.element].correlation >= matched;
+            let n_alike = seen.iter().filter(alike).count();
+            let said: Vec<&Seen> = match n_alike as f64 > LEAST_ALIKE * seen.len() as f64 {
+                true => seen.iter().filter(alike).collect(),
+                false => seen.iter().filter(kept).collect(),
+            };
+            let of_all = known.filter(|_| said.len() == seen.len()).map(|known| known[zone]);
+            let sample = sample_of(said);
+            let Some(mut noise) = of_all.unwrap_or_else(|| self.noise_of(gain, frame, &sample)) else { continue };
+            if sample.len() < ENOUGH {
+                // Of a few, one that is off must not say what the others are held against.
+                let mut sorted: Vec<f64> = sample.iter().map(|one| one.y).collect();
+                sorted.sort_by(f64::total_cmp);
+                noise.constant = noise.constant.min(sorted[(sorted.len() - 1) / 2]);
+            }
+            for one in seen {
+                let expected = noise.at(one) + noise.everywhere * one.x;
+                let power = 0.5 * (self.texture[one.element].gradient[0] + self.texture[one.element].gradient[1]);
+                let texture = (power - self.gradient_noise_gain * noise.at(one)).max(0.25 * power);
+                let excess = one.gain * (one.y - expected).max(0.0);
+                let px = (excess / texture.max(f64::MIN_POSITIVE)).sqrt();
+                let share = excess / self.texture[one.element].variance.max(f64::MIN_POSITIVE);
+                looks[one.element] = Some(Look { ratio: one.y / expected.max(f64::MIN_POSITIVE), px, share });
+            }
+        }
+        looks
+    }
+
+    fn look_at(&self, mesh: &Mesh<Px>, gain: &NoiseGain, frame: &Residuals<'_>, element: usize) -> Option<Seen> {
+        let found = &frame.elements[element];
+        let nodes = mesh.elements()[element];
+        let corners = if nodes[2] == nodes[3] { 3 } else { 4 };
+        let of_node = |&node: &u32| frame.freedom[node as usize] / self.around[node as usize].max(1.0);
+        let taken: f64 = nodes[..corners].iter().map(of_node).sum();
+        let n = found.n - taken - frame.freedom_of_element;
+        let middle = shape_functions(0.5, 0.5);
+        let u: [f64; 2] = std::array::from_fn(|c| {
+            nodes.iter().zip(middle).map(|(&node, psi)| psi * frame.displacement[node as usize][c]).sum()
+        });
+        let transfer = frame.transfer[mesh.element_zone()[element] as usize];
+        let gain = gain.of_pair(u, transfer);
+        let y = found.residual_rms.powi(2) * found.n / n / gain;
+        let ElementTexture { gradient, grey, .. } = self.texture[element];
+        let known = n >= 4.0 && y.is_finite() && gain.is_finite() && gain > 0.0;
+        known.then(|| Seen { element, n, gain, y, grey, x: 0.5 * (gradient[0] + gradient[1]) / gain })
+    }
+}
+
+/// Those of the elements of a zone that its noise is told by.
+fn sample_of(seen: Vec<&Seen>) -> Vec<&Seen> {
+    let every = seen.len().div_ceil(SAMPLE).max(1);
+    if every == 1 { seen } else { seen.into_iter().step_by(every).collect() }
+}
+
+/// The noise of the elements of a zone; none where there is nothing to see. `in_both`: the noise of the reference is in residual
+/// and gradient, so that an element with more of it by chance has more of both; their covariance over the noise's variance
+/// squared, times half the pixels.
+fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> Option<ZoneNoise> {
+    let mean = |f: &dyn Fn(&Seen) -> f64| {
+        let n: f64 = seen.iter().map(|one| one.n).sum();
+        seen.iter().map(|one| one.n * f(one)).sum::<f64>() / n
+    };
+    if seen.is_empty() {
+        return None;
+    }
+    let (mean_grey, mean_x) = (mean(&|one| one.grey), mean(&|one| one.x));
+    let spread_grey = mean(&|one| (one.grey - mean_grey).powi(2)).sqrt();
+    let white = 2f64.sqrt();
+    let constant = mean(&|one| one.y);
+    let mut found = ZoneNoise { constant, slope: 0.0, mean_grey, spread: white, by_texture: 0.0, everywhere: 0.0 };
+    if seen.len() < ENOUGH || mean_x <= 0.0 {
+        if let Some(noise) = stated {
+            found.constant = found.constant.min(noise * noise);
+        }
+        return Some(found);
+    }
+    let mut sorted: Vec<f64> = seen.iter().map(|one| one.y).collect();
+    sorted.sort_by(f64::total_cmp);
+    let quiet = 1.5 * sorted[sorted.len() / 4];
+    let mut limits: Vec<f64> = vec![quiet; seen.len()];
+    let mut weights = vec![1.0 / (quiet * quiet).max(f64::MIN_POSITIVE); seen.len()];
+    // A slope with the grey level needs elements of different ones.
+    let features = |one: &Seen| {
+        let grey = if spread_grey > 0.0 { (one.grey - mean_grey) / spread_grey } else { 0.0 };
+        [1.0, grey, one.x / mean_x]
+    };
+    /// Fits under weights that the fit before gives; nothing tests that they have settled.
+    const ROUNDS: usize = 5;
+    // Variance of the noise as the round before has it, and as the fine structure allows: at first all of the residual may be misfit.
+    let fine = stated.map_or(fine, |stated| stated.min(fine));
+    let mut noise = 0.0;
+    for _ in 0..ROUNDS {
+        let mut with_texture = true;
+        let kept = || seen.iter().zip(&limits).zip(&weights).filter(|((one, limit), _)| one.y <= **limit);
+        let fitted = loop {
+            let (mut matrix, mut rhs, mut n_kept) = ([[0.0; 3]; 3], [0.0; 3], 0usize);
+            for ((one, _), &weight) in kept() {
+                let phi = features(one);
+                n_kept += 1;
+                for i in 0..3 {
+                    rhs[i] += one.n * weight * phi[i] * one.y;
+                    (0..3).for_each(|j| matrix[i][j] += one.n * weight * phi[i] * phi[j]);
+                }
+                rhs[2] -= weight * 2.0 * in_both * (noise / one.gain).powi(2) / mean_x;
+            }
+            if spread_grey <= 0.0 {
+                matrix[1] = [0.0, 1.0, 0.0];
+            }
+            if !with_texture {
+                (0..3).for_each(|k| (matrix[2][k], matrix[k][2]) = (0.0, 0.0));
+                (matrix[2][2], rhs[2]) = (1.0, 0.0);
+            }
+            let Some((solution, variance)) = solve_symmetric(matrix, rhs) else {
+                // Grey level and gradient may go together.
+                if with_texture {
+                    with_texture = false;
+                    continue;
+                }
+                return Some(found);
+            };
+            // Scatter of an element's mean square about the fit, in that, for one pixel: never below that of white noise.
+            let fit = |one: &Seen| features(one).iter().zip(solution).map(|(phi, a)| phi * a).sum::<f64>();
+            let low = solution[0].abs().max(f64::MIN_POSITIVE) * 0.25;
+            let scatter: f64 =
+                kept().map(|((one, _), _)| one.n * (one.y / fit(one).max(low) - 1.0).powi(2)).sum::<f64>();
+            let spread = (scatter / n_kept.saturating_sub(3).max(1) as f64).sqrt().clamp(white, 4.0 * white);
+            let share = solution[2] / (spread * variance[2].sqrt());
+            if with_texture && !(share > SIGNIFICANT && n_kept >= ENOUGH) {
+                with_texture = false;
+                continue;
+            }
+            break (solution, spread, with_texture);
+        };
+        let ([constant, by_grey, by_texture], spread, with_texture) = fitted;
+        found.slope = if spread_grey > 0.0 { by_grey / spread_grey } else { 0.0 };
+        found.constant = constant.max(0.01 * sorted[0]);
+        noise = found.constant.min(fine * fine);
+        found.spread = spread;
+        found.everywhere = if with_texture { by_texture / mean_x } else { 0.0 };
+        for ((limit, weight), one) in limits.iter_mut().zip(&mut weights).zip(seen) {
+            let fit = found.at(one) + found.everywhere * one.x;
+            *limit = fit * (1.0 + OUTLYING * spread / one.n.sqrt());
+            *weight = 1.0 / (fit * fit).max(f64::MIN_POSITIVE);
+        }
+    }
+    let share = found.everywhere * mean_x;
+    let less = fine * fine < LESS * found.constant;
+    if !(share > EVERYWHERE[0] * found.constant || less && share > EVERYWHERE[1] * found.constant) {
+        (found.by_texture, found.everywhere) = (found.everywhere, 0.0);
+    }
+    Some(found)
+}
+
+/// The solution of three symmetric equations, and the diagonal of the inverse; none where they are singular.
+fn solve_symmetric(m: [[f64; 3]; 3], rhs: [f64; 3]) -> Option<([f64; 3], [f64; 3])> {
+    let cofactor = |i: usize, j: usize| {
+        let [a, b, c, d] = [(i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3];
+        m[a][c] * m[b][d] - m[a][d] * m[b][c]
+    };
+    let determinant: f64 = (0..3).map(|j| m[0][j] * cofactor(0, j)).sum();
+    let size = m[0][0] * m[1][1] * m[2][2];
+    if !(determinant > 1e-9 * size && size.is_finite()) {
+        return None;
+    }
+    let solution = [0, 1, 2].map(|i| (0..3).map(|j| cofactor(j, i) * rhs[j]).sum::<f64>() / determinant);
+    Some((solution, [0, 1, 2].map(|i| cofactor(i, i) / determinant)))
+}
+
+/// The value that a mean square of relative standard deviation `spread` exceeds as rarely as a normal variable exceeds
+/// `z`, in its mean (Wilson & Hilferty 1931).
+fn chi_square_ratio(z: f64, spread: f64) -> f64 {
+    let ninth = spread * spread / 9.0; // 2 / (9 n) for n degrees of freedom
+    (1.0 - ninth + z * ninth.sqrt()).powi(3)
+}
+
+/// The value that a standard normal variable stays below with the probability `p`, above 1/2, to 5e-4 (Abramowitz &
+/// Stegun 26.2.23).
+fn normal_quantile(p: f64) -> f64 {
+    let t = (-2.0 * (1.0 - p).max(1e-300).ln()).sqrt();
+    t - (2.515517 + t * (0.802853 + t * 0.010328)) / (1.0 + t * (1.432788 + t * (0.189269 + t * 0.001308)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_those_of_the_tables() {
+        // Normal: 2.3263, 4.2649; chi square of 256 degrees of freedom at 1 %: 311.56.
+        assert!((normal_quantile(0.99) - 2.3263).abs() < 1e-3);
+        assert!((normal_quantile(1.0 - 1e-5) - 4.2649).abs() < 1e-3);
+        let ratio = chi_square_ratio(2.3263, (2.0f64 / 256.0).sqrt());
+        assert!((256.0 * ratio - 311.56).abs() < 0.1, "{}", 256.0 * ratio);
+    }
+
+    /// Mean squares of 256 px of noise of variance 4, with a displacement `px` not followed, on textures that differ.
+    fn elements(px: f64, count: usize) -> Vec<Seen> {
+        // A fixed scatter of the size that noise has, sqrt(2/256), without any order.
+        let scatter = |k: usize| (((k * 7919) % 1009) as f64 / 1009.0 - 0.5) * 12f64.sqrt() * (2.0f64 / 256.0).sqrt();
+        (0..count)
+            .map(|k| {
+                let x = 100.0 * (1.0 + 0.5 * ((k * 31) as f64).sin());
+                let y = (4.0 + px * px * x) * (1.0 + scatter(k));
+                Seen { element: k, n: 256.0, gain: 2.0, y, grey: 20.0 * ((k * 17) as f64).cos(), x }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn noise_is_told_from_a_misfit_that_is_everywhere() {
+        for px in [0.0, 0.2, 0.5] {
+            let noise = zone_noise(&elements(px, 400).iter().collect::<Vec<_>>(), None, 2.0, 0.0).unwrap();
+            // The intercept of 400 elements scatters by about 2 % of the mean, 4 + 100 px^2.
+            assert!((noise.constant - 4.0).abs() < 0.08 * (4.0 + 100.0 * px * px), "{px}: {}", noise.constant);
+            assert!((noise.everywhere - px * px).abs() < 0.1 * px * px + 1e-12, "{px}: {}", noise.everywhere);
+        }
+    }
+
+    #[test]
+    fn elements_that_are_far_off_do_not_count_as_noise() {
+        let mut seen = elements(0.0, 200);
+        seen.iter_mut().take(30).for_each(|one| one.y *= 20.0);
+        let noise = zone_noise(&seen.iter().collect::<Vec<_>>(), None, 2.0, 0.0).unwrap();
+        assert!((noise.constant - 4.0).abs() < 0.1, "{}", noise.constant);
+        assert_eq!(noise.everywhere, 0.0);
+    }
+}

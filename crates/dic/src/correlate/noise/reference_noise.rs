@@ -1,0 +1,82 @@
+//! The noise of an image, as far as the image alone tells it.
+
+use crate::imaging::{Image, Levels};
+use crate::mesh::{Mesh, Roi};
+use crate::units::Px;
+use rayon::prelude::*;
+
+/// Standard deviation of the rounding to integer grey levels; none for float images.
+pub(crate) fn rounding(image: &Image) -> f64 {
+    match image.pixels() {
+        Levels::F32(_) => 0.0,
+        _ => 1.0 / 12f64.sqrt(),
+    }
+}
+
+/// The image noise assumed for the texture check when none is given, grey levels: the high-frequency
+/// content of the quietest tenth of the image (second differences in both directions, which smooth
+/// texture hardly has; Immerkaer 1996), at least the rounding of integer images. Fine or sharp-edged
+/// speckles have second differences too, so it is taken to be at most 1 % of the range of grey levels: a
+/// good reference must not be refused for a noise that nobody measured.
+///
+/// Where these tiles hold nothing but white noise there is no fine texture to mistake for it, and only the
+/// span of such noise limits it: 8 to 10 standard deviations.
+pub fn assumed_noise(image: &Image) -> f64 {
+    let (low, high) = image.range();
+    let quiet_tiles = &quietest_tiles(image, |_, _| true);
+    let quiet = quiet_tiles.last().map_or(0.0, |tile| tile.0);
+    // White noise has both alike, texture that a camera resolves has less than half of its contrast there.
+    let n_white = quiet_tiles.iter().filter(|(noise, deviation)| *noise > 0.75 * deviation).count();
+    let share = if 2 * n_white > quiet_tiles.len() { 0.125 } else { 0.01 };
+    quiet.min(share * f64::from(high - low)).max(rounding(image))
+}
+
+/// The high-frequency content of the quietest tenth of the zones of `mesh`, grey levels: white noise, and what fine
+/// texture adds to it.
+pub(crate) fn high_frequency(image: &Image, mesh: &Mesh<Px>) -> f64 {
+    let bounds: Vec<Roi> = (0..mesh.zones().len()).map(|zone| mesh.bounds(zone)).collect();
+    let inside = |x: usize, y: usize| {
+        let (x, y) = (x as f64, y as f64);
+        bounds.iter().any(|zone| (zone.x0..zone.x1).contains(&x) && (zone.y0..zone.y1).contains(&y))
+    };
+    quietest_tiles(image, inside).last().map_or(0.0, |tile| tile.0)
+}
+
+/// Noise by second differences, and standard deviation, of each tile of the quietest tenth of those that begin where
+/// `counts` holds, in rising order.
+fn quietest_tiles(image: &Image, counts: impl Fn(usize, usize) -> bool + Sync) -> Vec<(f64, f64)> {
+    /// Side of a tile, px: its 256 differences tell a noise to a few per cent.
+    const TILE: usize = 16;
+    let (width, height) = (image.width(), image.height());
+    let (low, _) = image.range();
+    // Every few rows and columns of tiles: a sample is enough.
+    let step = TILE * (1 + width.max(height) / 1024);
+    let of_tile = |x0: usize, y0: usize| {
+        // With one pixel more on every side.
+        let grey: [[f32; TILE + 2]; TILE + 2] =
+            std::array::from_fn(|v| std::array::from_fn(|u| image.grey(x0 - 1 + u, y0 - 1 + v)));
+        let (mut sum, mut greys, mut squares) = (0.0, 0.0, 0.0);
+        for y in 1..=TILE {
+            for x in 1..=TILE {
+                let row =
+                    |y: usize| f64::from(grey[y][x - 1]) - 2.0 * f64::from(grey[y][x]) + f64::from(grey[y][x + 1]);
+                sum += (row(y - 1) - 2.0 * row(y) + row(y + 1)).powi(2);
+                let grey = f64::from(grey[y][x] - low);
+                greys += grey;
+                squares += grey * grey;
+            }
+        }
+        let n = (TILE * TILE) as f64;
+        // The mask's squared weights sum to 36.
+        ((sum / 36.0 / n).sqrt(), (squares / n - (greys / n).powi(2)).max(0.0).sqrt())
+    };
+    let rows: Vec<usize> = (1..height.saturating_sub(TILE)).step_by(step).collect();
+    let of_row = |&y0: &usize| {
+        let columns = (1..width.saturating_sub(TILE)).step_by(step).filter(|&x0| counts(x0, y0));
+        columns.map(|x0| of_tile(x0, y0)).collect::<Vec<_>>()
+    };
+    let mut tiles = rows.par_iter().map(of_row).collect::<Vec<_>>().concat();
+    tiles.sort_by(|a, b| a.0.total_cmp(&b.0));
+    tiles.truncate(tiles.len().div_ceil(10));
+    tiles
+}

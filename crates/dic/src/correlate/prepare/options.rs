@@ -1,0 +1,138 @@
+//! Choices of a correlation.
+
+use crate::correlate::error::CorrelationError;
+use crate::correlate::prior::regularisation::Regularisation;
+use crate::correlate::prior::splines::KNOT_ELEMENTS;
+use crate::field::{Brightness, Elements, Noise, NoiseCorrelation, StartFrom};
+use crate::imaging::Interpolation;
+use crate::linalg::SolverChoice;
+
+/// Choices of a correlation; the defaults suit a first try.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Element size, px (4..=128); of cubic splines the distance of the knots.
+    pub element_size: usize,
+    /// What the displacement is between the nodes.
+    pub elements: Elements,
+    /// Elements with less than this share of their pixels inside their zone are left out, 0..=1; rectangles
+    /// hold whole elements.
+    pub element_share: f64,
+    /// Interpolation of the deformed image.
+    pub interpolation: Interpolation,
+    /// Largest error of a node that the iteration may leave, as the corrections tell it, for a frame to count as converged, px (docs/correlation.md,
+    /// 2.2).
+    pub tolerance_px: f64,
+    /// The same as a share of the smallest standard uncertainty of a node: the larger of the two counts (THEORY 10); 0 for the
+    /// tolerance alone.
+    pub tolerance_by_sigma: f64,
+    /// Gauss-Newton iterations on the finest level after which a frame is given up.
+    pub max_iterations: usize,
+    /// How brightness and contrast are followed.
+    pub brightness: Brightness,
+    /// Where frames of a series start.
+    pub start: StartFrom,
+    /// The noise of one image.
+    pub noise: Noise,
+    /// What becomes of noise that is correlated from pixel to pixel.
+    pub noise_correlation: NoiseCorrelation,
+    /// How many images the reference is the mean of: its noise is less by the square root of that.
+    pub n_references: usize,
+    /// Leave nodes without texture out, however many, instead of refusing the reference.
+    pub drop_textureless: bool,
+    /// Share of the nodes of a zone that are left out for want of texture without having asked for it, 0..=1: the
+    /// reference is refused when there are more.
+    pub textureless_share: f64,
+    /// Zones of whose border no node is left out so, such as those whose edges are the faces of a joint.
+    pub whole_borders: Vec<String>,
+    /// What holds the displacement beside the images.
+    pub regularisation: Regularisation,
+    /// Solver of the normal equations; with regularisation always the direct one.
+    pub solver: SolverChoice,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            element_size: 16,
+            elements: Elements::default(),
+            element_share: crate::mesh::ELEMENT_SHARE,
+            interpolation: Interpolation::default(),
+            tolerance_px: 1e-4,
+            tolerance_by_sigma: 0.01,
+            max_iterations: 50,
+            brightness: Brightness::default(),
+            start: StartFrom::default(),
+            noise: Noise::default(),
+            noise_correlation: NoiseCorrelation::default(),
+            n_references: 1,
+            drop_textureless: false,
+            textureless_share: 0.2,
+            whole_borders: Vec::new(),
+            regularisation: Regularisation::default(),
+            solver: SolverChoice::default(),
+        }
+    }
+}
+
+impl Options {
+    /// Noise variance of reference and deformed image together, in that of one image: `1 + 1/k` for the mean of k
+    /// references (THEORY 2 has 2, for one).
+    pub(crate) fn noise_of_both(&self) -> f64 {
+        1.0 + 1.0 / self.n_references.max(1) as f64
+    }
+
+    /// Size of the elements of the mesh, px: half of that asked for where the field is a cubic spline.
+    pub fn mesh_size(&self) -> usize {
+        match self.elements {
+            Elements::Bilinear => self.element_size,
+            Elements::CubicSpline => self.element_size / KNOT_ELEMENTS,
+        }
+    }
+
+    /// Whether anything but the images holds the nodes of the mesh.
+    pub fn is_held(&self) -> bool {
+        self.regularisation != Regularisation::None || self.elements == Elements::CubicSpline
+    }
+
+    /// Whether the numbers among the options make sense (the element size is checked with the mesh).
+    ///
+    /// # Errors
+    /// [`CorrelationError::Option`] with the first that does not.
+    pub fn check(&self) -> Result<(), CorrelationError> {
+        let positive = |v: f64| v.is_finite() && v > 0.0;
+        let fault = |name, value: String, wanted| Err(CorrelationError::Option { name, value, wanted });
+        if !positive(self.tolerance_px) || self.tolerance_px > 1.0 {
+            return fault("the tolerance", self.tolerance_px.to_string(), "a positive number of pixels up to 1");
+        }
+        if !(0.0..=0.1).contains(&self.tolerance_by_sigma) {
+            let share = self.tolerance_by_sigma.to_string();
+            return fault("the tolerance by the uncertainty", share, "a number from 0 to 0.1");
+        }
+        if self.max_iterations == 0 {
+            return fault("the largest number of iterations", "0".into(), "at least 1");
+        }
+        if !(0.0..=1.0).contains(&self.textureless_share) {
+            let share = self.textureless_share.to_string();
+            return fault("the share of nodes without texture", share, "a number from 0 to 1");
+        }
+        if let Some(wanted) = self.noise.fault(f64::MAX) {
+            return fault("the noise", self.noise.to_string(), wanted);
+        }
+        if let NoiseCorrelation::Factor(factor) = self.noise_correlation
+            && self.noise_correlation.is_fault()
+        {
+            return fault("the noise correlation", factor.to_string(), "a factor from 0.1 to 100");
+        }
+        if self.elements == Elements::CubicSpline {
+            if self.element_size < 8 || !self.element_size.is_multiple_of(KNOT_ELEMENTS) {
+                let wanted = "an even number of pixels from 8 on: the mesh has nodes half as far apart";
+                return fault("the element size of cubic splines", self.element_size.to_string(), wanted);
+            }
+            if self.regularisation != Regularisation::None {
+                let wanted = "none with cubic-spline elements, or bilinear elements";
+                return fault("the regularisation", self.regularisation.kind().to_string(), wanted);
+            }
+        }
+        self.regularisation.check(self.element_size)
+    }
+}

@@ -1,0 +1,47 @@
+//! What an iteration has found, before and after it is known which elements match.
+
+use crate::backend::{Backend, Found};
+use crate::correlate::solve::iterate::Outcome;
+use crate::correlate::solve::light::Light;
+use crate::correlate::start::initial::{Start, numbers};
+use crate::field::Status;
+
+/// What a finished iteration has found.
+pub(crate) struct Iterated<B: Backend> {
+    pub outcome: Outcome<B>,
+    pub found: Found,
+    pub light: Option<Light>,
+    /// The elements that it was done without.
+    pub excluded: Vec<bool>,
+}
+
+impl<B: Backend> Iterated<B> {
+    /// Where the next frame of a series may begin, if this field is confirmed. None where it has not converged, or is in a light of
+    /// its own.
+    pub fn start(&self) -> Option<Start> {
+        let is_field = self.outcome.status == Status::Converged && self.light.is_none();
+        let Found { displacement, transfer, .. } = &self.found;
+        is_field.then(|| Start {
+            displacement: displacement.clone(),
+            transfer: transfer.clone(),
+            left_out: numbers(&self.excluded),
+        })
+    }
+}
+
+/// A field whose iteration has ended, all that does not match left out.
+pub(crate) struct Settled<B: Backend> {
+    pub of: Iterated<B>,
+    /// Whether no other elements were left out than had been while it was iterated.
+    pub is_as_iterated: bool,
+    /// Per zone.
+    pub matches: Vec<f64>,
+    pub status: Status,
+}
+
+impl<B: Backend> Settled<B> {
+    /// As [`Iterated::start`].
+    pub fn start(&self) -> Option<Start> {
+        self.of.start().filter(|_| self.status == Status::Converged)
+    }
+}

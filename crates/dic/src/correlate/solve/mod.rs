@@ -1,0 +1,5 @@
+//! The iteration of a frame, its steps, and the light that it follows.
+
+pub(crate) mod iterate;
+pub(crate) mod light;
+pub(crate) mod pace;

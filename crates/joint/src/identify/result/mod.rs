@@ -1,0 +1,5 @@
+//! What is known of a fit.
+
+pub(crate) mod derived;
+pub(crate) mod fitted;
+pub(crate) mod given;

@@ -1,0 +1,101 @@
+//! The parameters of an adhesive from measured displacements: what `quadrille identify` does.
+
+use crate::identify::{Case, CutShort, Ended, FitStatus, fit, profile};
+use crate::io::joint::JointInput;
+use crate::report::Picture;
+use crate::report::fit::{FitRecord, FitReport};
+use crate::report::joint::JointReport;
+use crate::run::folder::run_folder::{FIGURES, FORCE, RunFolder};
+use crate::run::joint::simulation::{save, write_solution};
+use crate::run::joint::tournament::compare_in;
+use crate::run::plan::session::Outcome;
+use crate::run::plan::stop::Stop;
+use crate::run::words::error::Result;
+use crate::run::words::event::{Event, Watcher};
+use crate::run::words::heard::Heard;
+use crate::run::words::text::absolute;
+use rayon::ThreadPool;
+use std::path::Path;
+use std::time::Instant;
+
+/// What was found, in the folder of the results.
+pub(crate) const FIT: &str = "fit.json";
+/// What a change of each parameter does to the law, and along the joint.
+pub(crate) const LAW_SENSITIVITIES: &str = "law-sensitivities.csv";
+pub(crate) const JOINT_SENSITIVITIES: &str = "joint-sensitivities.csv";
+
+/// Fits the case `input` of the file `case` and writes everything into `output`: what `fit.json` holds, and whether the fit
+/// converged. When `stop` is asked, the fit ends at the best point so far.
+///
+/// # Errors
+/// See [`crate::run::RunError`]. A fit that does not converge is a result.
+pub fn identify(
+    input: &JointInput,
+    case: &Path,
+    output: &Path,
+    overwrite: bool,
+    pool: &ThreadPool,
+    stop: &Stop,
+    watcher: Watcher<'_>,
+) -> Result<(FitRecord, Outcome)> {
+    let mut joint = Case::joint(input)?;
+    let mut of_case = Case::new(&joint, input, case)?;
+    // What hardly anything has is known before the fit, which may take long for that very reason.
+    joint.remarks.iter().chain(&of_case.remarks).for_each(|remark| watcher(Event::Remark(remark)));
+    let folder = RunFolder::open(output, overwrite)?;
+    folder.clear(false, true)?;
+    folder.make(FIGURES)?;
+    let begin = Instant::now();
+    let (heard, watch) = Heard::new(of_case.max_seconds, stop);
+    of_case.problem.watch = watch.clone();
+    let mut found = heard.during(pool, watcher, || fit(&of_case.problem, &of_case.options))?;
+    let seconds = begin.elapsed().as_secs_f64();
+    let profile =
+        of_case.profile.map(|k| heard.during(pool, watcher, || profile(&of_case.problem, &of_case.options, &found, k)));
+    let profile = match (profile, watch.ended()) {
+        (Some(_), Some(ended)) => {
+            let cut = found.cut_short.get_or_insert(CutShort { ended, missing: Vec::new() });
+            cut.missing.push("the profile likelihood");
+            None
+        }
+        (profile, _) => profile.transpose()?,
+    };
+    let report = pool.install(|| FitReport::new(&of_case, &found, profile))?;
+    let mut json = report.json(absolute(case), seconds);
+    json.remarks.splice(0..0, joint.remarks.iter().cloned());
+    // First of all: when a figure fails, the result is there.
+    folder.write_json(FIT, &json)?;
+    folder.write("fit-history.csv", |out| report.write_history(out))?;
+    folder.write("traction-bands.csv", |out| report.write_bands(out))?;
+    folder.write("law.csv", |out| report.write_law(out))?;
+    folder.write(LAW_SENSITIVITIES, |out| report.write_law_sensitivities(out))?;
+    folder.write(JOINT_SENSITIVITIES, |out| report.write_joint_sensitivities(out))?;
+    folder.write("budget.csv", |out| report.write_budget(out))?;
+    if let Some(force) = &report.force {
+        folder.write(FORCE, |out| force.write(out))?;
+    }
+    let save = |name: String, picture: Picture| save(&folder, &name, &picture);
+    let asked = input.case.output.figures.as_deref();
+    let chosen = JointReport::new(&joint, found.solution()).chosen(asked);
+    report.draw(&chosen, save)?;
+    if !of_case.laws.is_empty() && found.cut_short.is_none() {
+        compare_in(&mut of_case, &folder, absolute(case), json.remarks.clone(), pool, stop, watcher)?;
+    }
+    // The joint of the fit, for everything that `simulate` writes.
+    let law = of_case.problem.unknowns.law_at(&found.evaluation.x)?;
+    joint.law = law;
+    let j_integrals = joint.model.j_integrals(&*joint.law, found.solution());
+    let (force, j_integrals) = (json.force.as_ref(), j_integrals.as_slice());
+    let of_joint = JointReport { force, j_integrals, ..JointReport::new(&joint, found.solution()) };
+    write_solution(&folder, &of_joint)?;
+    folder.write_summary(&of_joint.summary(absolute(case), seconds, json.remarks.clone()))?;
+    of_joint.draw(&chosen, save)?;
+    watcher(Event::Identified { fit: &json, folder: output });
+    let trusted = found.status == FitStatus::Converged && found.cut_short.is_none() && !json.verdict.conditional;
+    let outcome = match found.cut_short {
+        Some(CutShort { ended: Ended::Stopped, .. }) => Outcome::Stopped,
+        _ if trusted => Outcome::Fine,
+        _ => Outcome::Incomplete,
+    };
+    Ok((json, outcome))
+}

@@ -1,0 +1,9 @@
+//! What is looked at afterwards: pages, quantities, cracks.
+
+pub(crate) mod crack_auto;
+pub(crate) mod cracks;
+pub(crate) mod explore;
+pub(crate) mod fit_of_run;
+pub(crate) mod page;
+pub(crate) mod quantities;
+pub(crate) mod report;

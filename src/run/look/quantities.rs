@@ -1,0 +1,223 @@
+//! Quantities of a series: from what is asked for to the tables in `DIR/quantities`.
+
+use crate::field::{
+    CrackLine, Elasticity, Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment,
+    Status, StrainDefinition, StrainWindow,
+};
+use crate::io::case::CaseQuantities;
+use crate::io::load::{LoadTable, read_as_asked};
+use crate::io::quantities::{QUANTITY_TABLES, QuantitySummary, QuantityTables};
+use crate::io::store::Store;
+use crate::mesh::Mesh;
+use crate::run::folder::record::Record;
+use crate::run::words::error::{Result, RunError};
+use crate::units::{PixelSize, Px};
+use std::collections::BTreeSet;
+use std::fs::{self, File};
+use std::io::BufWriter;
+use std::path::Path;
+
+/// Name of the folder of the tables.
+pub(crate) const FOLDER: &str = "quantities";
+
+/// What is asked for, on a mesh.
+///
+/// # Errors
+/// Numbers that mean nothing, names that come twice, zones that are not there or do not face each other, an opening
+/// while the motion of each zone is removed.
+pub(crate) fn resolve(
+    asked: &CaseQuantities,
+    strain: StrainDefinition,
+    pixel_size: Option<PixelSize>,
+    mesh: &Mesh<Px>,
+) -> Result<Quantities> {
+    let named =
+        |name: &Option<String>, kind: &str, at: usize| name.clone().unwrap_or_else(|| format!("{kind}{}", at + 1));
+    let mut quantities = Quantities { strain, remove_rigid: asked.options.remove_rigid, ..Quantities::default() };
+    for (at, probe) in asked.probes.iter().enumerate() {
+        let name = named(&probe.name, "point", at);
+        if let Some(value) = probe.point.iter().find(|value| !value.is_finite()) {
+            return Err(format!("{name}: a coordinate is {value}; give a finite number").into());
+        }
+        quantities.points.push((name, probe.point));
+    }
+    for (at, line) in asked.lines.iter().enumerate() {
+        let name = named(&line.name, "line", at);
+        let step = line.step_px.unwrap_or(0.25 * mesh.element_size());
+        let segment = Segment::new(line.from, line.to, step).map_err(|error| format!("{name}: {error}"))?;
+        quantities.lines.push((name, segment));
+    }
+    for (at, gauge) in asked.extensometers.iter().enumerate() {
+        let name = named(&gauge.name, "extensometer", at);
+        let width = gauge.width_px.unwrap_or(0.0);
+        let gauge = Extensometer::new(gauge.from, gauge.to, width).map_err(|error| format!("{name}: {error}"))?;
+        quantities.extensometers.push((name, gauge));
+    }
+    for opening in &asked.openings {
+        let [plus, minus] = &opening.zones;
+        let name = opening.name.clone().unwrap_or_else(|| format!("{plus}-{minus}"));
+        if asked.options.remove_rigid == Some(RemoveRigid::Zone) {
+            return Err(format!(
+                "opening '{name}': nothing is left of it when the rigid motion of each zone is removed; remove that of all \
+                 together, or none"
+            )
+            .into());
+        }
+        let facing = Facing::between(mesh, plus, minus).map_err(|error| format!("opening '{name}': {error}"))?;
+        quantities.openings.push((name, facing));
+    }
+    for (at, crack) in asked.cracks.iter().enumerate() {
+        let name = named(&crack.name, "crack", at);
+        if asked.options.remove_rigid == Some(RemoveRigid::Zone) && mesh.zones().len() > 1 {
+            return Err(format!(
+                "crack '{name}': the rigid motion of each zone is removed, which changes what lies between zones; remove that of all \
+                 together, or none"
+            )
+            .into());
+        }
+        let elasticity = crack.young_mpa.zip(crack.poisson).zip(pixel_size).map(|((young_mpa, poisson), size)| {
+            Elasticity { young_mpa, poisson, mm_per_unit: size.mm_per_px(), radius: crack.radius_px }
+        });
+        let line = match crack.path.points() {
+            Some(path) => CrackLine::on(mesh, path.to_vec(), elasticity)
+                .ok_or_else(|| format!("crack '{name}': the mesh of this run is not cut along it"))?,
+            None => {
+                let what = "\"auto\" is found when images are correlated; give the path that this said, as it stands in run.toml";
+                return Err(format!("crack '{name}': {what}").into());
+            }
+        };
+        quantities.cracks.push((name, line));
+    }
+    fn once<T>(what: &str, list: &[(String, T)]) -> Result<()> {
+        let mut seen = BTreeSet::new();
+        let twice = list.iter().find(|(name, _)| !seen.insert(name));
+        twice.map_or(Ok(()), |(name, _)| Err(format!("two {what} are named '{name}'; names must differ").into()))
+    }
+    once("points", &quantities.points)?;
+    once("lines", &quantities.lines)?;
+    once("extensometers", &quantities.extensometers)?;
+    once("openings", &quantities.openings)?;
+    once("cracks", &quantities.cracks)?;
+    Ok(quantities)
+}
+
+/// The load file that is asked for, a row for each frame; nothing without one.
+///
+/// # Errors
+/// A file that cannot be read or joined, and times that are missing or given twice.
+pub(crate) fn load(asked: &CaseQuantities, n_frames: usize) -> Result<LoadTable> {
+    let Some(load) = &asked.load else { return Ok(LoadTable::default()) };
+    Ok(read_as_asked(load, n_frames)?)
+}
+
+/// What the fields of a run are like.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Fields<'a> {
+    /// Lines for the head of every table: program, images, options.
+    pub header: &'a [String],
+    pub pixel_size: Option<PixelSize>,
+    pub element_size_px: f64,
+    /// Whether a regularisation or splines bind the nodes to each other: standard uncertainties are then upper bounds.
+    pub regularised: bool,
+}
+
+/// A frame on its way to the tables: number, status and field, when they exist.
+pub(crate) type Frame = (usize, Option<Status>, Option<Measurement<Px>>);
+
+/// Writes the tables of `quantities` into `folder/quantities`, and removes the tables of an earlier call that are not
+/// asked for any more. Each frame is shown to `look` with what was drawn from it.
+///
+/// Under another name and renamed in the end, so that a table is there whole or not at all.
+pub(crate) fn write(
+    folder: &Path,
+    quantities: &Quantities,
+    load: &LoadTable,
+    fields: Fields<'_>,
+    frames: impl Iterator<Item = Result<Frame>>,
+    mut look: impl FnMut(usize, &FrameQuantities),
+) -> Result<QuantitySummary> {
+    let folder = folder.join(FOLDER);
+    let failed = |error: std::io::Error| RunError::file(&folder, "written", error);
+    fs::create_dir_all(&folder).map_err(failed)?;
+    let unfinished = |name: &str| folder.join(format!("{name}.csv.part"));
+    let write = || -> Result<QuantitySummary> {
+        let open = |name: &str| Ok(BufWriter::new(File::create(unfinished(name))?));
+        let Fields { header, pixel_size, element_size_px, regularised } = fields;
+        let mut tables = QuantityTables::new(quantities, load, pixel_size, regularised, element_size_px, header, open)
+            .map_err(failed)?;
+        for frame in frames {
+            let (number, status, field) = frame?;
+            if let Some(drawn) = tables.frame(number, status, field.as_ref()).map_err(failed)? {
+                look(number, &drawn);
+            }
+        }
+        let summary = tables.finish().map_err(failed)?;
+        for name in QUANTITY_TABLES {
+            let path = folder.join(format!("{name}.csv"));
+            match unfinished(name).exists() {
+                true => fs::rename(unfinished(name), path).map_err(failed)?,
+                false if path.exists() => fs::remove_file(path).map_err(failed)?,
+                false => {}
+            }
+        }
+        Ok(summary)
+    };
+    write().inspect_err(|_| {
+        for name in QUANTITY_TABLES {
+            let _ = fs::remove_file(unfinished(name)); // what is left of them helps nobody
+        }
+    })
+}
+
+/// Removes the tables of an earlier call from `folder/quantities`, and nothing else.
+pub(crate) fn remove(folder: &Path) -> Result<()> {
+    let folder = folder.join(FOLDER);
+    for path in QUANTITY_TABLES.map(|name| folder.join(format!("{name}.csv"))).into_iter().filter(|path| path.exists())
+    {
+        fs::remove_file(&path).map_err(|error| RunError::file(&path, "removed", error))?;
+    }
+    let _ = fs::remove_dir(folder); // stays when it holds something else
+    Ok(())
+}
+
+/// Draws what is `asked` for from the frames `numbers` of a store into `output/quantities`; each frame is shown to
+/// `look`. For `quadrille probe`, and for `quadrille correlate` when a series is done.
+pub(crate) fn write_of_store(
+    store: &Store,
+    asked: &CaseQuantities,
+    (strain, window): (Option<StrainDefinition>, Option<Option<StrainWindow>>),
+    numbers: &[usize],
+    output: &Path,
+    look: impl FnMut(usize, &FrameQuantities),
+) -> Result<QuantitySummary> {
+    let header = store.header();
+    let quantities = Quantities {
+        window: window.unwrap_or(header.strain_window),
+        ..resolve(asked, strain.unwrap_or(header.strain), header.pixel_size, store.mesh())?
+    };
+    let load = load(asked, store.n_frames())?;
+    let mut lines = vec![
+        format!("quadrille {}: quantities of the fields of {}", env!("CARGO_PKG_VERSION"), store.path().display()),
+        format!("fields by quadrille {}, {}", header.quadrille, header.device),
+        format!("reference: {}", header.reference.join(", ")),
+    ];
+    if let Some(load) = &asked.load {
+        lines.push(format!("load file: {}", load.file));
+    }
+    lines.extend(load.remarks.iter().map(|remark| remark.text.clone()));
+    let fields = Fields {
+        header: &lines,
+        pixel_size: header.pixel_size,
+        element_size_px: header.element_size_px,
+        regularised: Record::of(header).is_regularised(),
+    };
+    let frames = numbers.iter().map(|&number| -> Result<Frame> {
+        let status = store.status(number)?;
+        let field = match status.is_some_and(|status| status.has_field()) {
+            true => store.frame(number)?.map(|frame| frame.measurement),
+            false => None,
+        };
+        Ok((number, status, field))
+    });
+    write(output, &quantities, &load, fields, frames, look)
+}

@@ -1,0 +1,493 @@
+//! A series of images, from its files to its store: opened, resumed, correlated, closed.
+
+use crate::correlate::Correlate;
+use crate::field::{Status, StrainWindows, UpdateReference};
+use crate::imaging::{FlatBlocks, Image, Saturation};
+use crate::io::quantities::QuantitySummary;
+use crate::io::store::{STORE, Store, StoreWriter};
+use crate::mesh::Mesh;
+use crate::remark::Remark;
+use crate::report::summary::{FrameSummary, Summary, counts, reference_updates};
+use crate::run::folder::kept::Kept;
+use crate::run::folder::lock::Lock;
+use crate::run::folder::restart::{self, Earlier};
+use crate::run::folder::run_folder::{About, RunFolder, csv_name, vtu_name};
+use crate::run::folder::store_of_run::{header_of, made_or_found};
+use crate::run::frames::busy::{Busy, Spent};
+use crate::run::frames::engine::Engine;
+use crate::run::frames::feed::Feed;
+use crate::run::frames::frame::{Done, Frames};
+use crate::run::frames::output::{self, Output, ToWrite};
+use crate::run::frames::pipeline;
+use crate::run::frames::pipeline::Numbered;
+use crate::run::frames::reference::{Reference, about_reference, windows};
+use crate::run::look::crack_auto;
+use crate::run::look::quantities;
+use crate::run::look::report;
+use crate::run::plan::found::{self, Found};
+use crate::run::plan::resolved::Plan;
+use crate::run::plan::run_toml::RunToml;
+use crate::run::plan::session::{Existing, Outcome, Ran, Session};
+use crate::run::plan::zones::Zones;
+use crate::run::series::camera::Camera;
+use crate::run::words::doubts;
+use crate::run::words::error::{Result, RunError, thread};
+use crate::run::words::event::{Event, Watcher};
+use crate::run::words::remarks;
+use crate::run::words::said;
+use crate::run::words::tally::{Summaries, Tally};
+use crate::run::words::text::chain;
+use crate::units::Px;
+use rayon::ThreadPool;
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::sync_channel;
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+/// Results that wait to be written.
+const BEHIND: usize = 4;
+
+/// Correlates the series of `plan` into `folder`: what is missing of it, or all. What is done stays done, however this ends: the same
+/// call goes on from there.
+///
+/// # Errors
+/// See [`RunError`]. A frame that cannot be read or does not converge is a result.
+pub fn run_series(
+    plan: &Plan,
+    folder: &RunFolder,
+    pool: &ThreadPool,
+    session: Session,
+    watcher: Watcher<'_>,
+) -> Result<Ran> {
+    carry_out(plan, folder, pool, session, None, watcher)
+}
+
+/// The same; `camera` gives further frames when those of the plan are done.
+pub(crate) fn carry_out(
+    plan: &Plan,
+    folder: &RunFolder,
+    pool: &ThreadPool,
+    session: Session,
+    camera: Option<Camera>,
+    watcher: Watcher<'_>,
+) -> Result<Ran> {
+    let mut series = PreparedSeries::open(plan, folder, pool, session, camera)?;
+    let earlier = series.earlier()?;
+    let tally = series.begin(&earlier, watcher)?;
+    let (tally, written) = series.correlate(tally, &earlier, watcher);
+    series.close(tally, written, watcher)
+}
+
+/// A series whose folder is taken and whose reference is prepared.
+struct PreparedSeries<'a> {
+    begin: Instant,
+    plan: Plan,
+    folder: &'a RunFolder,
+    pool: &'a ThreadPool,
+    session: Session,
+    camera: Option<Camera>,
+    lock: Lock,
+    reference: Arc<Image>,
+    engine: Engine,
+    /// That of the beginning: the engine may come to another.
+    correlator: Arc<dyn Correlate>,
+    seconds_reference: f64,
+    /// What is to be said of reference and zones.
+    remarks: Vec<Remark>,
+    saturation: Option<Saturation>,
+    /// What is said below the picture of the mesh, where zones or cracks were found.
+    drawn: Vec<String>,
+    record: RunToml,
+    about: About,
+    writer: StoreWriter,
+    /// The same store, for reading.
+    store: Store,
+}
+
+/// What an earlier start has left.
+struct Before {
+    done: BTreeMap<usize, (FrameSummary, Option<String>)>,
+    damaged: Vec<usize>,
+    /// Frames that are done again because their reference is another now.
+    depending: Vec<usize>,
+    kept: Kept,
+    /// Frames of this process, and those of them that are to be done.
+    own: Vec<usize>,
+    to_do: Vec<usize>,
+}
+
+impl Before {
+    /// The frames that are to be done.
+    fn frames(&self, plan: &Plan) -> VecDeque<Numbered> {
+        self.to_do.iter().filter_map(|&number| Some((number, plan.deformed.get(number - 1)?.clone()))).collect()
+    }
+}
+
+/// What makes the strains over a window, where one is asked for.
+fn strain_windows(plan: &Plan, mesh: &Mesh<Px>) -> Option<StrainWindows> {
+    plan.strain_window.map(|window| StrainWindows::new(mesh, window, plan.options.is_held()))
+}
+
+impl<'a> PreparedSeries<'a> {
+    /// Takes the folder, prepares the reference, and makes or finds the store.
+    fn open(
+        plan: &Plan,
+        folder: &'a RunFolder,
+        pool: &'a ThreadPool,
+        session: Session,
+        camera: Option<Camera>,
+    ) -> Result<Self> {
+        let begin = Instant::now();
+        let lock = Lock::take(&folder.locks(), session.shard, camera.as_ref().map(Camera::folder))?;
+        if session.shard.is_none() {
+            folder.tidy();
+        }
+        let there = match session.existing {
+            Existing::Continue if folder.holds_run() => {
+                let store = Store::open(folder.path().join(STORE));
+                Some(store.map_err(|error| folder.holds_another(Some(chain(&error))))?)
+            }
+            _ => None,
+        };
+        let mut plan = there.as_ref().map_or_else(|| plan.clone(), |store| plan.as_before(store.header()));
+        // Before anything is run: a load file that does not fit, or places that mean nothing, are refused now.
+        if camera.is_none() {
+            quantities::load(&plan.drawn, plan.deformed.len())?;
+        }
+        let Reference { image, sha256, mut remarks } = Reference::of(&plan)?;
+        let (width, height) = (image.width(), image.height());
+        let Zones { mut zones, remarks: of_zones, files: zone_files, found } =
+            pool.install(|| Zones::of(&mut plan, &image, folder.path()))?;
+        let reference = Arc::new(image);
+        let cracks = pool.install(|| crack_auto::cut(&mut plan, there.as_ref(), &reference, &mut zones))?;
+        let prepare = Instant::now();
+        let device = plan.device(width * height)?;
+        let prepared = || Engine::new(device, Arc::clone(&reference), zones, plan.options.clone());
+        let engine = pool.install(prepared).map_err(|error| about_reference(&plan, &error))?;
+        let correlator = engine.correlator();
+        let seconds_reference = prepare.elapsed().as_secs_f64();
+        quantities::resolve(&plan.drawn, plan.strain, plan.pixel_size, correlator.mesh())?;
+        let record = RunToml::new(&plan, &correlator, pool.current_num_threads(), &sha256, zone_files);
+        let header = header_of(&plan, &*correlator, &record, sha256, [width, height]);
+        let same_run = |store: &Store| match restart::differences(store.header(), &header, session.shard.is_none()) {
+            differences if differences.is_empty() => Ok(()),
+            differences => Err(folder.holds_another(Some(differences.join("; ")))),
+        };
+        there.as_ref().map_or(Ok(()), same_run)?;
+        if there.is_none() && session.shard.is_none() {
+            folder.clear(plan.csv, plan.vtu)?;
+            quantities::remove(folder.path())?;
+        }
+        folder.make_folders(plan.csv, plan.vtu).and_then(|()| found.as_ref().map_or(Ok(()), Found::write))?;
+        let (writer, store) = {
+            let _alone = session.shard.map(|_| lock.common()).transpose()?;
+            let made = made_or_found(folder, &header, &*correlator, same_run)?;
+            if !folder.has_case() {
+                folder.write_case(&record.case(&BTreeMap::new()))?;
+            }
+            made
+        };
+        let saturation = Saturation::of(&reference, &windows(correlator.mesh()));
+        remarks.extend(remarks::of_grey(&plan.reference_name(), &reference, saturation));
+        remarks.extend(of_zones);
+        remarks.extend(cracks.found.iter().chain(&cracks.notes).cloned().map(remarks::of_crack_search));
+        Ok(Self {
+            begin,
+            drawn: found.map(|found| found.note).into_iter().chain(cracks.found).collect(),
+            remarks,
+            plan,
+            folder,
+            pool,
+            session,
+            camera,
+            lock,
+            reference,
+            engine,
+            correlator,
+            seconds_reference,
+            saturation,
+            record,
+            about: About::new(header)?,
+            writer,
+            store,
+        })
+    }
+
+    /// The frames of this process among the first `n_frames`.
+    fn own(&self, n_frames: usize) -> Vec<usize> {
+        let shard = self.session.shard;
+        (1..=n_frames).filter(|&number| shard.is_none_or(|shard| shard.has(number))).collect()
+    }
+
+    /// What an earlier start has left, and what is to be done.
+    fn earlier(&self) -> Result<Before> {
+        let Self { plan, folder, store, .. } = self;
+        let own = self.own(plan.deformed.len());
+        let tables: Vec<restart::Name> = [(plan.csv, csv_name as restart::Name), (plan.vtu, vtu_name)]
+            .into_iter()
+            .filter_map(|(wanted, name)| wanted.then_some(name))
+            .collect();
+        let earlier = self.pool.install(|| Earlier::find(store, folder.path(), &own, &tables));
+        let mut depending = Vec::new();
+        let (Earlier { done, damaged, .. }, kept) = match plan.update {
+            UpdateReference::Never => (earlier, Kept::default()),
+            update => {
+                let accepted = plan.accepted.of_size(self.reference.width(), self.reference.height());
+                let (earlier, kept) =
+                    earlier.of_chain(folder.path(), (&plan.deformed, accepted), update, self.correlator.mesh());
+                // They are of another chain now, also should this start be killed before it comes to them.
+                let after = kept.number + 1..=plan.deformed.len();
+                for number in after.filter(|&number| store.status_file(number).exists()) {
+                    self.writer.unmark(number)?;
+                    depending.extend((!earlier.damaged.contains(&number)).then_some(number));
+                }
+                folder.make(RunFolder::CHAIN)?;
+                Kept::tidy(folder.path(), kept.number);
+                (earlier, kept)
+            }
+        };
+        let to_do = own.iter().copied().filter(|number| !done.contains_key(number)).collect();
+        Ok(Before { done, damaged, depending, kept, own, to_do })
+    }
+
+    /// Says what is about to happen, and counts what was done before.
+    fn begin(&self, before: &Before, watcher: Watcher<'_>) -> Result<Tally> {
+        let Self { plan, folder, session, camera, correlator, engine, reference, .. } = self;
+        let total = camera.is_none().then_some(before.own.len());
+        watcher(Event::Begun { total, before: before.done.len() });
+        let threads = self.pool.current_num_threads();
+        watcher(Event::Note(&said::begin_line(plan, correlator, reference, threads)));
+        let left_out = remarks::files_left_out(&plan.left_out);
+        let of_nodes: Vec<Remark> = remarks::of_nodes(correlator).collect();
+        let at_begin = left_out.iter().chain(&self.remarks).chain(&self.lock.remark).chain(&of_nodes);
+        at_begin.for_each(|remark| watcher(Event::Remark(remark)));
+        let earlier = said::about_earlier(before.done.len(), before.to_do.len(), &before.damaged, &before.depending);
+        earlier.iter().for_each(|line| watcher(Event::Note(line)));
+        let borders: Vec<Remark> = correlator.bare_borders().iter().map(remarks::of_border).collect();
+        borders.iter().for_each(|remark| watcher(Event::Remark(remark)));
+        let frames: Vec<FrameSummary> = before.done.values().map(|(summary, _)| summary.clone()).collect();
+        let mut summary = Summary {
+            seconds_reference: self.seconds_reference,
+            remarks: left_out.into_iter().chain(borders).collect(),
+            counts: counts(&frames),
+            reference_updates: reference_updates(&frames),
+            frames,
+            ..said::empty_summary(plan, correlator, reference, threads, self.saturation)
+        };
+        for remark in engine.take_remarks() {
+            watcher(Event::Remark(&remark));
+            summary.remarks.extend(remark.is_warning().then_some(remark));
+        }
+        if plan.store_only {
+            watcher(Event::Note(&said::store_only(camera.is_none())));
+        }
+        if session.shard.is_some() {
+            let _alone = self.lock.common()?;
+            if !folder.has_summary() {
+                // For `quadrille status`, should the last of the shards be killed before it has written it.
+                folder.write_summary(&Summary { frames: Vec::new(), ..summary.clone() })?;
+            }
+        }
+        let widths = pipeline::widths(engine, self.pool, plan.options.start, plan.update);
+        let with_field = before.done.iter().filter(|(_, (frame, _))| frame.status.has_field());
+        Ok(Tally {
+            hashes: before.done.iter().map(|(&number, (_, sha256))| (number, sha256.clone())).collect(),
+            summary,
+            busy: Busy::new(widths),
+            in_series: with_field.map(|(&number, _)| number).collect(),
+        })
+    }
+
+    /// Correlates what is to be done and writes it, until all is done, it shall stop, or something fails.
+    fn correlate(&mut self, mut tally: Tally, before: &Before, watcher: Watcher<'_>) -> (Tally, Result<()>) {
+        let Self {
+            begin, plan, folder, pool, session, camera, correlator, engine, record, about, writer, store, ..
+        } = self;
+        let (reference, drawn) = (&self.reference, self.drawn.as_slice());
+        let Session { stop, shard, .. } = session;
+        let windows = windows(correlator.mesh());
+        let flat = FlatBlocks::of(&self.reference);
+        let frames = Frames {
+            known: &plan.deformed,
+            settle: camera.as_ref().map(Camera::settle),
+            accepted: plan.accepted.of_size(self.reference.width(), self.reference.height()),
+            windows: &windows,
+            flat: &flat,
+            start: plan.options.start,
+            update: plan.update,
+            kept: &before.kept,
+            stored: &|number| restart::stored_start(store, folder.path(), number),
+            stop,
+        };
+        let [writing, waiting] = &[Spent::default(), Spent::default()];
+        let failed = &AtomicBool::new(false);
+        let mut feed =
+            Feed { to_do: before.frames(plan), camera: camera.as_mut(), record, store: writer, engine, waiting };
+        let alone = shard.is_none();
+        let written = std::thread::scope(|scope| -> Result<()> {
+            let (finished, to_write) = sync_channel(BEHIND);
+            let output = Output {
+                plan,
+                engine,
+                pool,
+                folder,
+                store: writer,
+                fields: store,
+                about,
+                windows: strain_windows(plan, correlator.mesh()),
+                alone,
+                in_series: Mutex::new(std::mem::take(&mut tally.in_series)),
+                writing,
+                to_write: Mutex::new(to_write),
+                failed,
+            };
+            let n_writers = pipeline::widths(engine, pool, plan.options.start, plan.update).written;
+            let writers = output.begin(scope, n_writers)?;
+            // The mesh, where zones or cracks were found: the first of the shards draws it.
+            let is_drawn = !drawn.is_empty() && shard.is_none_or(|shard| shard.i == 1);
+            let draw = || found::draw(plan, reference, correlator, folder.path(), drawn);
+            let drawing = is_drawn.then(|| thread(scope, draw)).transpose()?;
+            let mut summaries = Summaries::begin();
+            let next = |wanted: &dyn Fn() -> bool| feed.next(wanted);
+            let done = pipeline::run(engine, pool, &frames, next, |done| {
+                let Done { sha256, summary: frame, result, news, kept } = done;
+                tally.hashes.insert(frame.number, sha256.clone());
+                news.iter().for_each(|line| watcher(Event::Note(line)));
+                tally.take_remarks(engine, watcher);
+                tally.busy.add(&frame, writing.time(), waiting.time());
+                watcher(Event::Frame { summary: &frame, busy: &tally.busy });
+                tally.summary.frames.push(frame.clone());
+                if alone {
+                    summaries.write(&mut tally, folder, *begin)?;
+                }
+                // When a writer has stopped, its error says why.
+                Ok(!failed.load(Ordering::SeqCst)
+                    && finished.send(ToWrite { summary: frame, sha256, result, kept }).is_ok())
+            });
+            drop(finished);
+            output::end(writers)?;
+            if let Some(drawing) = drawing {
+                drawing.join().map_err(|_| RunError::Bug("what draws the mesh stopped"))??;
+            }
+            done
+        });
+        tally.take_remarks(engine, watcher);
+        (tally, written)
+    }
+
+    /// Writes what is of the whole, and says what came of it.
+    fn close(mut self, mut tally: Tally, written: Result<()>, watcher: Watcher<'_>) -> Result<Ran> {
+        let (folder, shard, begin) = (self.folder, self.session.shard, self.begin);
+        // A camera may have added frames.
+        let n_frames = self.record.deformed.len();
+        let n_own = self.own(n_frames).len();
+        let converged = tally.summary.frames.iter().filter(|frame| frame.status == Status::Converged).count();
+        let outcome = match converged {
+            _ if self.session.stop.is_asked() && tally.summary.frames.len() < n_own => Outcome::Stopped,
+            n if n == n_own && n > 0 => Outcome::Fine,
+            _ => Outcome::Incomplete,
+        };
+        let _alone = shard.map(|_| self.lock.common()).transpose()?;
+        let is_done = |number| self.store.status_file(number).exists();
+        let complete = written.is_ok() && n_frames > 0 && (1..=n_frames).all(is_done);
+        let own_frames = if shard.is_some() { tally.summary.frames.clone() } else { Vec::new() };
+        if shard.is_some() && complete {
+            // The last of the shards writes what is of the whole.
+            tally.summary.frames.clear();
+            for (number, frame) in (1..).zip(self.pool.install(|| restart::all_frames(folder.path(), n_frames))) {
+                let remedy = "give the same command again";
+                let (frame, sha256) = frame.ok_or(RunError::RecordLost { number, remedy })?;
+                tally.summary.frames.push(frame);
+                tally.hashes.insert(number, sha256);
+            }
+        }
+        let mut doubts = Vec::new();
+        if shard.is_none() || complete {
+            tally.summary.frames.sort_by_key(|frame| frame.number);
+            doubts = doubts::about_series(&tally.summary, &tally.hashes, &self.store.header().reference_sha256);
+            tally.summary.remarks.extend(doubts.iter().cloned());
+            // Also when writing has failed: what is known is kept where it can be.
+            let closed = folder.write_case(&self.record.case(&tally.hashes));
+            let closed = closed.and_then(|()| tally.write_summary(folder, begin));
+            let sha256 = (1..=n_frames).map(|number| tally.hashes.get(&number).cloned().flatten()).collect();
+            let closed = closed.and_then(|()| Ok(self.writer.finish(sha256)?));
+            if written.is_ok() && self.plan.vtu {
+                let with_field = tally.summary.frames.iter().filter(|frame| frame.status.has_field());
+                folder.write_series(&with_field.map(|frame| frame.number).collect::<Vec<_>>())?;
+            }
+            written?;
+            closed?;
+        } else {
+            written?;
+            tally.summary.frames.sort_by_key(|frame| frame.number);
+            tally.summary.seconds_total = begin.elapsed().as_secs_f64();
+        }
+        if complete {
+            self.look_back(n_frames, &mut tally.summary, watcher)?;
+        }
+        if shard.is_some() {
+            tally.summary.frames = own_frames;
+            tally.summary.frames.sort_by_key(|frame| frame.number);
+        }
+        let Tally { summary, busy, .. } = tally;
+        watcher(Event::Finished { frames: &summary.frames, seconds: summary.seconds_total });
+        doubts.iter().for_each(|remark| watcher(Event::Remark(remark)));
+        if let Some(camera) = &mut self.camera {
+            camera.take_remarks().iter().for_each(|remark| watcher(Event::Remark(remark)));
+            let stopped = self.session.stop.is_asked();
+            camera.ending(stopped).iter().for_each(|line| watcher(Event::Note(line)));
+        }
+        if outcome == Outcome::Stopped {
+            let done = summary.frames.len();
+            let line = format!("stopped with {done} of {n_own} frames done: the same command goes on from here");
+            watcher(Event::Note(&line));
+        }
+        watcher(Event::Note(&format!("results in {}", folder.path().display())));
+        Ok(Ran { outcome, complete, summary, busy })
+    }
+
+    /// What is made of a series as a whole: the quantities that are asked for, and the report.
+    fn look_back(&self, n_frames: usize, summary: &mut Summary, watcher: Watcher<'_>) -> Result<()> {
+        let drawn = match self.plan.drawn.is_empty() {
+            true => QuantitySummary::default(),
+            false => self.draw_quantities(n_frames, summary, watcher)?,
+        };
+        if !self.plan.report {
+            return Ok(());
+        }
+        let (folder, plan, reference) = (self.folder, &self.plan, &self.reference);
+        let mut warn = |what: &str, error: &RunError| {
+            watcher(Event::Remark(&remarks::report_missing(what, error)));
+        };
+        match self.pool.install(|| report::write(folder, plan, summary, reference, &drawn)) {
+            // A disk that takes no more.
+            Err(error @ RunError::File { .. }) => return Err(error),
+            // The measurement is there.
+            Err(error) => warn("there is no report.html", &error),
+            Ok(fault) => fault.iter().for_each(|error| warn("report.html has no fields to look around in", error)),
+        }
+        Ok(())
+    }
+
+    /// Draws the quantities that the plan asks for from all fields.
+    fn draw_quantities(&self, n_frames: usize, summary: &mut Summary, watcher: Watcher<'_>) -> Result<QuantitySummary> {
+        let numbers: Vec<usize> = (1..=n_frames).collect();
+        let store = Store::open(self.folder.path())?;
+        let drawn =
+            quantities::write_of_store(&store, &self.plan.drawn, (None, None), &numbers, self.folder.path(), |_, _| ());
+        match drawn {
+            Ok(drawn) => {
+                drawn.remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
+                crate::run::look::cracks::tell(self.folder, summary, &drawn.cracks)?;
+                return Ok(drawn);
+            }
+            // How long the load file has to be is known only now.
+            Err(error) if self.camera.is_some() => {
+                watcher(Event::Remark(&remarks::curves_missing(&error)));
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(QuantitySummary::default())
+    }
+}

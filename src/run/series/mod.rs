@@ -1,0 +1,6 @@
+//! Series of images: of files, in memory, of a camera that still writes.
+
+pub(crate) mod camera;
+pub(crate) mod files;
+pub(crate) mod in_memory;
+pub(crate) mod watching;

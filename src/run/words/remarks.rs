@@ -1,0 +1,247 @@
+//! What a run has to say of its files, its device, its mesh and its frames; of a whole series see [`crate::run::words::doubts`].
+
+use crate::backend::BackendError;
+use crate::correlate::{BareBorder, Correlation, NoiseColour, Reference, StartUsed, TextureFault, UpdateRefused};
+use crate::field::Status;
+use crate::imaging::{GreyDepth, Image, Saturation};
+use crate::mechanics::PathEnd;
+use crate::remark::{About, Code, Remark};
+use crate::report::saturated;
+use crate::run::words::text::{chain, plural, ranges};
+use std::path::{Path, PathBuf};
+
+/// Files that are named one by one.
+const FILES_NAMED: usize = 5;
+/// Nodes that are named one by one.
+const NODES_NAMED: usize = 3;
+
+/// Files of the series that are text; `None` without any.
+pub(crate) fn files_left_out(texts: &[PathBuf]) -> Option<Remark> {
+    let first = texts.first()?;
+    let mut names: Vec<String> = texts.iter().take(FILES_NAMED).map(|path| path.display().to_string()).collect();
+    if texts.len() > FILES_NAMED {
+        names.push(format!("{} more", texts.len() - FILES_NAMED));
+    }
+    let are = if texts.len() == 1 { "is not an image and is" } else { "are not images and are" };
+    let text = format!("{} {are} left out", names.join(", "));
+    let remark = Remark::new(Code::FilesLeftOut, About::Run, text);
+    Some(remark.with("files", texts.len()).with("first", first.display().to_string()))
+}
+
+/// What there is to know of the file of frame `number`.
+pub(crate) fn of_image(number: usize, notes: &[String]) -> Option<Remark> {
+    (!notes.is_empty()).then(|| Remark::new(Code::ImageFile, About::Frames(vec![number]), notes.join("; ")))
+}
+
+/// The same of a file of the reference.
+pub(crate) fn of_reference(file: &str, note: &str) -> Remark {
+    Remark::new(Code::ImageFile, About::Reference, format!("{file}: {note}"))
+}
+
+/// A further image of the reference that is shifted by `[x, y]` px against the first.
+pub(crate) fn reference_blurred(file: &str, first: &str, [x, y]: [f64; 2]) -> Remark {
+    let text = format!(
+        "{file}: moved by about ({x:.2}, {y:.2}) px against {first}: their mean is blurred; take references between \
+         which nothing moves"
+    );
+    Remark::new(Code::ReferenceBlurred, About::Reference, text).with("x_px", x).with("y_px", y)
+}
+
+/// The grey levels of the reference called `name`.
+pub(crate) fn of_grey(name: &str, reference: &Image, saturation: Option<Saturation>) -> Vec<Remark> {
+    let depth = GreyDepth::of(reference).and_then(GreyDepth::remark);
+    let depth = depth.map(|text| Remark::new(Code::ImageFile, About::Reference, text));
+    let much = saturation.and_then(|found| saturated(About::Reference, found));
+    depth.into_iter().chain(much).map(|remark| remark.after(&format!("{name}: "))).collect()
+}
+
+/// What there is to know of a mask or mesh file.
+pub(crate) fn of_zone_file(path: &Path, note: &str) -> Remark {
+    let file = path.display().to_string();
+    let text = format!("{file}: {note}");
+    Remark::new(Code::ZoneFile, About::File(file), text)
+}
+
+/// A device that was chosen for want of another.
+pub(crate) fn of_device(text: String) -> Remark {
+    Remark::new(Code::DeviceChosen, About::Device, text)
+}
+
+/// The device failed before the first frame.
+pub(crate) fn device_unprepared(error: &BackendError) -> Remark {
+    Remark::new(Code::DeviceFailed, About::Device, format!("{error}; the CPU does the work"))
+}
+
+/// The device failed at frame `number`; `fresh` where another one of it is tried.
+pub(crate) fn device_failed(number: usize, error: &BackendError, fresh: bool) -> Remark {
+    let then = if fresh { "trying once more on a fresh device" } else { "going on with the CPU" };
+    let remark = Remark::new(Code::DeviceFailed, About::Device, format!("frame {number}: {error}; {then}"));
+    remark.with("frame", number).with("goes_on_with", if fresh { "fresh device" } else { "cpu" })
+}
+
+/// The device measured another field of frame `number` than the CPU, which looks at every `looked_at`th.
+pub(crate) fn device_wrong(number: usize, error: &BackendError, looked_at: usize) -> Remark {
+    let before = match number {
+        1 => String::new(),
+        _ => format!("; nobody has looked at up to {looked_at} frames before it: measure them again"),
+    };
+    let text = format!("frame {number}: {error}; going on with the CPU{before}");
+    Remark::new(Code::DeviceWrong, About::Device, text).with("frame", number)
+}
+
+/// The file system of `folder` has no locks.
+pub(crate) fn no_locks(folder: &Path) -> Remark {
+    let text = format!("{}: the file system has no locks; nothing keeps a second process away", folder.display());
+    Remark::new(Code::NoLocks, About::Run, text)
+}
+
+/// The report, or `what` of it, is missing because of an error.
+pub(crate) fn report_missing(what: &str, error: &dyn std::error::Error) -> Remark {
+    Remark::new(Code::ReportMissing, About::Run, format!("{what}: {}", chain(error)))
+}
+
+/// No curves are drawn because of an error.
+pub(crate) fn curves_missing(error: &dyn std::error::Error) -> Remark {
+    let text = format!("no numbers are drawn from the fields: {}", chain(error));
+    Remark::new(Code::CurvesMissing, About::Run, text)
+}
+
+/// `file` came after `last`, although it sorts before it.
+pub(crate) fn frame_late(file: &Path, last: &Path) -> Remark {
+    let [file, last] = [file, last].map(|path| path.display().to_string());
+    let text = format!("{file} came after {last}, behind which it stands in the series");
+    Remark::new(Code::FrameLate, About::File(file), text).with("after", last)
+}
+
+/// The folder of the camera cannot be listed.
+pub(crate) fn folder_unreadable(folder: &Path, error: &dyn std::error::Error) -> Remark {
+    let text = format!("{} cannot be listed: {error}", folder.display());
+    Remark::new(Code::FolderUnreadable, About::Camera, text)
+}
+
+/// Nodes of the reference without texture.
+pub(crate) fn of_nodes(reference: &Reference) -> impl Iterator<Item = Remark> {
+    let of = |code: Code, faults: &[TextureFault], what: &str| {
+        let mut places: Vec<String> = faults.iter().take(NODES_NAMED).map(ToString::to_string).collect();
+        if faults.len() > NODES_NAMED {
+            places.push(format!("{} more in summary.json", faults.len() - NODES_NAMED));
+        }
+        let n = plural(faults.len(), "node");
+        let about = || About::Nodes(faults.iter().take(NODES_NAMED).map(|fault| fault.node).collect());
+        let text = || format!("{n} with too little texture {what}: {}", places.join("; "));
+        (!faults.is_empty()).then(|| Remark::new(code, about(), text()).with("nodes", faults.len()))
+    };
+    let dropped = of(Code::NodesLeftOut, reference.dropped(), "left out");
+    let held = of(Code::NodesHeld, reference.held(), "held by the nodes around them");
+    [dropped, held].into_iter().flatten()
+}
+
+/// A zone that ends at a place without texture and has no guard there.
+pub(crate) fn of_border(border: &BareBorder) -> Remark {
+    let BareBorder { zone, length_px, at: [x, y], is_within } = border;
+    let (code, text) = match is_within {
+        true => (
+            Code::HoleBare,
+            format!(
+                "inside zone '{zone}' nodes are left out along {length_px:.0} px without texture (about ({x:.0}, \
+                 {y:.0}) px): what lies there pulls the nodes beside it, and no guard reaches it; leave the place out \
+                 of the zone (exclude, --mask, or no zone at all, so that it is found), with a guard of 3 px"
+            ),
+        ),
+        false => (
+            Code::BorderBare,
+            format!(
+                "zone '{zone}' borders on {length_px:.0} px without texture (about ({x:.0}, {y:.0}) px): what lies \
+                 beyond is mixed into its outermost pixels and pulls the nodes there; leave these out with --guard 3 \
+                 or guard_px"
+            ),
+        ),
+    };
+    let remark = Remark::new(code, About::Zone(zone.clone()), text);
+    remark.with("length_px", *length_px).with("x_px", *x).with("y_px", *y)
+}
+
+/// Frame `number` is the first whose standard uncertainties are multiplied because its noise is not white.
+pub(crate) fn noise_correlated(number: usize, colour: &NoiseColour) -> Remark {
+    let text = format!("frame {number}: {colour} (every frame has its own: noise_correlation_factor)");
+    let [x, y] = colour.factor.map(|factor| factor.max(1.0));
+    Remark::new(Code::NoiseCorrelated, About::Frames(vec![number]), text).with("factor_x", x).with("factor_y", y)
+}
+
+/// A frame that was begun where those before led to.
+pub(crate) fn of_tracking(number: usize, result: &Correlation) -> Option<Remark> {
+    let (code, text) = match (result.measurement.status, result.start) {
+        (Status::Converged, StartUsed::Cold) => {
+            (Code::TrackingRestarted, "the start from the frames before failed; searched for without them")
+        }
+        (Status::Converged, _) => return None,
+        _ => (Code::TrackingLost, "neither the start from the frames before nor a search without them converged"),
+    };
+    Some(Remark::new(code, About::Frames(vec![number]), text))
+}
+
+/// Frame `number` was not measured from the frame that might have become its reference.
+pub(crate) fn reference_refused(number: usize, refused: &UpdateRefused) -> Remark {
+    Remark::new(Code::ReferenceRefused, About::Frames(vec![number]), chain(refused))
+}
+
+/// The zones that were found.
+pub(crate) fn zones_found(text: String) -> Remark {
+    Remark::new(Code::ZonesFound, About::Reference, text)
+}
+
+/// Where a crack was found, or why none was.
+pub(crate) fn of_crack_search(text: String) -> Remark {
+    Remark::new(Code::CrackFound, About::Run, text)
+}
+
+/// How the zones of a joint were matched to each other.
+pub(crate) fn zones_matched(note: &str) -> Remark {
+    Remark::new(Code::ZonesMatched, About::Joint, note)
+}
+
+/// A figure of an instant that has no solution.
+pub(crate) fn figure_missing(instant: usize) -> Remark {
+    let text = format!("[output] figures names instant {instant}, which has no solution");
+    Remark::new(Code::FigureMissing, About::Instants(vec![instant]), text)
+}
+
+/// A path goes back at `n` of `of` points, from `first` to `last`.
+pub(crate) fn path_goes_back(n: usize, of: usize, [first, last]: [usize; 2]) -> Remark {
+    let text = format!(
+        "the path goes back at {n} of its {of} points, between instants {first} and {last}: no test shows it there, \
+         it snaps over them"
+    );
+    Remark::new(Code::PathGoesBack, About::Joint, text).with("points", n).with("first", first).with("last", last)
+}
+
+/// A path ended after `points` at `at` of the instants of the case; `None` at the last of them.
+pub(crate) fn path_ended(end: PathEnd, points: usize, at: f64, n_instants: usize) -> Option<Remark> {
+    let (how, text) = match end {
+        PathEnd::Last => return None,
+        PathEnd::Rest => ("rest", "the path comes back to rest: the joint is broken".to_owned()),
+        PathEnd::Lost => {
+            let text =
+                format!("the path is lost at {at:.4} of {n_instants} instants of the case; try a smaller [path] step");
+            ("lost", text)
+        }
+        PathEnd::Points => {
+            let text = format!(
+                "the path ends after {points} points at {at:.4} of {n_instants} instants of the case; max_points of \
+                 [path] allows more"
+            );
+            ("points", text)
+        }
+    };
+    Some(Remark::new(Code::PathEnded, About::Joint, text).with("end", how).with("points", points).with("at", at))
+}
+
+/// Frames by their numbers, as words.
+pub(crate) fn named(numbers: &[usize]) -> String {
+    if let [number] = numbers { format!("frame {number}") } else { format!("frames {}", ranges(numbers)) }
+}
+
+/// The same with their verb.
+pub(crate) fn named_are(numbers: &[usize]) -> String {
+    format!("{} {}", named(numbers), if numbers.len() == 1 { "is" } else { "are" })
+}

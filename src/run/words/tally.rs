@@ -1,0 +1,68 @@
+//! What has come of a run so far.
+
+use crate::report::summary::{Summary, counts, reference_updates};
+use crate::run::folder::run_folder::RunFolder;
+use crate::run::frames::busy::Busy;
+use crate::run::frames::engine::Engine;
+use crate::run::words::error::Result;
+use crate::run::words::event::{Event, Watcher};
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::{Duration, Instant};
+
+/// What has come so far.
+pub(crate) struct Tally {
+    /// SHA-256 of each image, where it could be read.
+    pub hashes: BTreeMap<usize, Option<String>>,
+    pub summary: Summary,
+    pub busy: Busy,
+    /// Frames with a field.
+    pub in_series: BTreeSet<usize>,
+}
+
+/// How often the summary is written while the series runs.
+const EVERY: Duration = Duration::from_secs(10);
+/// Share of the time that this may take: that of a long series grows with it.
+const SHARE: u32 = 50;
+
+/// When the summary is written while the series runs.
+pub(crate) struct Summaries {
+    last: Instant,
+    every: Duration,
+}
+
+impl Summaries {
+    /// From now on.
+    pub fn begin() -> Self {
+        Self { last: Instant::now(), every: EVERY }
+    }
+
+    /// Writes it where it is time to; `begin` is when the run began.
+    pub fn write(&mut self, tally: &mut Tally, folder: &RunFolder, begin: Instant) -> Result<()> {
+        if self.last.elapsed() > self.every {
+            let begun = Instant::now();
+            tally.write_summary(folder, begin)?;
+            self.every = EVERY.max(SHARE * begun.elapsed());
+            self.last = Instant::now();
+        }
+        Ok(())
+    }
+}
+
+impl Tally {
+    /// Says and keeps what the engine has found worth saying.
+    pub fn take_remarks(&mut self, engine: &Engine, watcher: Watcher<'_>) {
+        let remarks = engine.take_remarks();
+        remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
+        self.summary.remarks.extend(remarks);
+    }
+
+    /// Writes the summary of the frames so far, in order.
+    pub fn write_summary(&mut self, folder: &RunFolder, begin: Instant) -> Result<()> {
+        let summary = &mut self.summary;
+        summary.frames.sort_by_key(|frame| frame.number);
+        summary.counts = counts(&summary.frames);
+        summary.reference_updates = reference_updates(&summary.frames);
+        summary.seconds_total = begin.elapsed().as_secs_f64();
+        folder.write_summary(summary)
+    }
+}
