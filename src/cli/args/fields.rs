@@ -105,7 +105,7 @@ pub struct ProbeArgs {
     )]
     pub line: Vec<[f64; 4]>,
     /// Distance of the points of lines, px. Default: a quarter of the element size.
-    #[arg(id = "line.step_px", long, value_name = "PX", allow_hyphen_values = true, help_heading = "Quantities")]
+    #[arg(id = "line.step_px", long = "step", value_name = "PX", allow_hyphen_values = true, help_heading = "Quantities")]
     pub step: Option<f64>,
     /// An extensometer from one point to another, px: elongation and strain. Repeat it for several.
     #[arg(
@@ -119,7 +119,7 @@ pub struct ProbeArgs {
     /// Average extensometers over gauge lines of this length across their ends, px.
     #[arg(
         id = "extensometer.width_px",
-        long,
+        long = "width",
         value_name = "PX",
         allow_hyphen_values = true,
         help_heading = "Quantities"
@@ -129,7 +129,7 @@ pub struct ProbeArgs {
     /// first. Repeat it for several.
     #[arg(
         id = "opening.zones",
-        long,
+        long = "opening",
         value_name = "upper,lower",
         value_parser = two_zones,
         help_heading = "Quantities"
@@ -145,7 +145,7 @@ pub struct ProbeArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, help_heading = "Output")]
     pub strain_window: Option<u32>,
     /// What other instruments recorded (CSV, a row per image, or a column of times): joined to every row.
-    #[arg(id = "load.file", long, value_name = "FILE", help_heading = "Input")]
+    #[arg(id = "load.file", long = "load", value_name = "FILE", help_heading = "Input")]
     pub load: Option<PathBuf>,
     /// When its rows and the frames were taken, and on what area the load is.
     #[command(flatten)]

@@ -164,7 +164,7 @@ codes! {
         NoiseContradicted "noise-contradicted" Warning
             "The stated noise is not the noise of the residual."
             "Standard uncertainties are made with the stated noise and are wrong by about this ratio."
-            "Leave `noise` out so that it is estimated, or measure it again with `quadrille noise`.";
+            "Leave `noise` out so that it is estimated, or measure it again with `quadrille metrology`.";
         NoiseCorrelated "noise-correlated" Warning
             "The noise is not white."
             "Noise of neighbouring pixels is correlated. Standard uncertainties are multiplied by a factor for that."
