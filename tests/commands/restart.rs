@@ -21,8 +21,8 @@ use std::time::{Duration, Instant};
 /// Frames of the series of most tests.
 const N: usize = 24;
 
-/// A desk with `s/00.png` ..., a series that drifts by 0.45 px a frame: elements at the border of the image leave it one
-/// by one, which are nodes that are not measured. One frame jumps, one is no image, one shows something else.
+/// A desk with `s/00.png` ..., a series that drifts by 0.45 px a frame: elements at the border of the image leave it
+/// one by one, which are nodes that are not measured. One frame jumps, one is no image, one shows something else.
 fn desk() -> Desk {
     desk_of(|k| Translation([0.45 * k, -0.3 * k]))
 }
@@ -173,8 +173,8 @@ fn a_finished_run_is_left_as_it_is_and_resume_says_the_same_as_nothing() {
     desk.correlate(&format!("--threads 1 {line}")).fine();
 }
 
-/// Runs the series `s/` of the desk with one thread, where each frame waits for the one before, and with more, where it begins at a
-/// forecast.
+/// Runs the series `s/` of the desk with one thread, where each frame waits for the one before, and with more, where it
+/// begins at a forecast.
 #[track_caller]
 fn overlapped(desk: &Desk, line: &str) {
     let frames = |threads: usize| {
@@ -201,8 +201,8 @@ fn frames_that_are_done_at_the_same_time_have_the_bits_of_one_after_the_other() 
 
 #[test]
 fn a_frame_begun_at_a_forecast_that_was_wrong_is_begun_again() {
-    // Under one element of three frames lies something else: it converges, is then left out, and the field is another one than was
-    // forecast. Of a program that keeps what was begun at the forecast 15 of the 23 frames differ.
+    // Under one element of three frames lies something else: it converges, is then left out, and the field is another
+    // one than was forecast. Of a program that keeps what was begun at the forecast 15 of the 23 frames differ.
     const SIDE: usize = 256;
     const HIDDEN: [usize; 5] = [8, 9, 15, 16, 17];
     let desk = Desk::new();
@@ -594,8 +594,8 @@ fn tracked_and_independent_frames_agree() {
         compared += 1;
         let both = || (0..tracked.measured.len()).filter(|&node| tracked.measured[node] && alone.measured[node]);
         let larger = |node: usize| (0..2).map(|c| tracked.sigma[node][c].max(alone.sigma[node][c])).fold(0.0, f64::max);
-        // An element that has lost about half of its pixels is in or out by where the iteration came from, which the uncertainties
-        // beside it tell; the fields then agree within these.
+        // An element that has lost about half of its pixels is in or out by where the iteration came from, which the
+        // uncertainties beside it tell; the fields then agree within these.
         let differs = both().any(|node| (tracked.sigma[node][0] / alone.sigma[node][0] - 1.0).abs() > 0.05);
         other_elements += usize::from(differs);
         for node in both() {
@@ -734,8 +734,9 @@ fn memory_grows_with_the_series_by_the_summary_alone() {
     if short == 0 {
         return println!("SKIPPED: there is no /proc here");
     }
-    // What must not stay is the field of a frame: displacement and standard uncertainty of every node, 32 bytes. Names, hashes and
-    // entries of the summary are 3 to 5 KiB a frame; half a field leaves room for them and for the allocator.
+    // What must not stay is the field of a frame: displacement and standard uncertainty of every node, 32 bytes. Names,
+    // hashes and entries of the summary are 3 to 5 KiB a frame; half a field leaves room for them and for the
+    // allocator.
     let nodes = ((width - 32) / element + 1) * ((height - 32) / element + 1);
     let field_kib = 32 * nodes as u64 / 1024;
     let allowed = short + field_kib * (n as u64 - 50) / 2;

@@ -12,8 +12,8 @@ use quadrille::correlate::Options;
 use quadrille::imaging::Interpolation;
 use quadrille::synth::{RenderOptions, Translation};
 
-/// What may be wrong with a driver, a compiler or a card, in every kernel that decides where an iteration ends: what is altered,
-/// and into what.
+/// What may be wrong with a driver, a compiler or a card, in every kernel that decides where an iteration ends: what is
+/// altered, and into what.
 const ALTERED: [[&str; 3]; 18] = [
     ["pixels a little too bright", "= value - unpack.offset", "= 1.004 * value - unpack.offset"],
     ["means of four a little too large", "0.25 * ((fine", "0.2505 * ((fine"],
