@@ -1,7 +1,7 @@
 //! Identification: what one fit, seven starts and a sweep cost.
 //!
-//! `cargo bench --bench identification`. 19 instants, 546 elements and 39 of the adhesive, 3 parameters, noise of 0.1 px; without
-//! files.
+//! `cargo bench --bench identification`. 19 instants, 546 elements and 39 of the adhesive, 3 parameters, noise of 0.1
+//! px; without files.
 
 use quadrille::identify::{
     Discretisation, Fit, FitOptions, Noise, Observation, ObservedInstant, Precision, Problem, WeightKind, fit, sweep,

@@ -25,8 +25,8 @@ use std::sync::Arc;
 
 /// The vector path must beat the per-pixel loop by this in the same run.
 const GATE: f64 = 4.0;
-/// The whole image as the zone may take so many iterations more than a zone that stays inside, and this many times its time per pixel: counts
-/// do not vary, times by a third between runs.
+/// The whole image as the zone may take so many iterations more than a zone that stays inside, and this many times its
+/// time per pixel: counts do not vary, times by a third between runs.
 const BORDER_GATE: (usize, f64) = (1, 1.6);
 
 /// The first pair of a process may take this many times the processor time of those after it.
@@ -224,7 +224,8 @@ impl Tracked {
     }
 }
 
-/// What the whole image as the zone costs, where its border leaves the deformed image, against a zone that stays within it.
+/// What the whole image as the zone costs, where its border leaves the deformed image, against a zone that stays within
+/// it.
 #[derive(Clone, Copy)]
 struct BorderCost {
     /// Iterations: inner zone, whole image.
@@ -372,8 +373,8 @@ fn gate() {
     gate_of_borders();
 }
 
-/// The first pair of a process, for which memory is touched, threads are started and tables are made, against the next ones:
-/// processor time, from two images in memory to the field.
+/// The first pair of a process, for which memory is touched, threads are started and tables are made, against the next
+/// ones: processor time, from two images in memory to the field.
 fn gate_of_first_pair() {
     let scene = scene(1024, 16);
     let pair = || {
@@ -391,8 +392,8 @@ fn gate_of_first_pair() {
     }
 }
 
-/// The whole image as the zone against one that stays inside: iterations, and processor time per pixel, whose fastest run a
-/// neighbour on the machine can only slow down.
+/// The whole image as the zone against one that stays inside: iterations, and processor time per pixel, whose fastest
+/// run a neighbour on the machine can only slow down.
 fn gate_of_borders() {
     let motion = Moved { waves: Sinusoids { amplitude: 1.0, wavelength: 256.0 }, shift: [16.0, -12.0] };
     let cost = threads(2).install(|| BorderCost::new(1024, &motion, 21.0));

@@ -12,7 +12,7 @@
 #     gate      ratios of the engine's times (benches/report.rs)
 #     browser   every page in Chromium
 #     slurm     a cluster of one node
-#     thorough  the tests that have more draws, kills and files to try (QUADRILLE_THOROUGH)
+#     thorough  the tests in modules of that name: more kills, the paper again, every altered shader
 #     fuzz      every reader of files for a minute
 #     drivers   the shaders on SwiftShader and under the validation layer
 #     wheel     the wheel of Python with its notebooks
@@ -43,7 +43,7 @@ browser() {
     QUADRILLE_CHROMIUM=require scripts/test.sh "${profile[@]}" --test commands -- view:: studio:: run:: metrology::
 }
 slurm() { scripts/prepare.sh --slurm && QUADRILLE_SLURM=require cargo test "${whole[@]}" --test slurm; }
-thorough() { QUADRILLE_THOROUGH=1 scripts/test.sh "${profile[@]}" -- thorough; }
+thorough() { cargo test "${whole[@]}" --tests -- --ignored thorough; }
 fuzz() { QUADRILLE_FUZZ_SECONDS=60 cargo test "${whole[@]}" --test commands -- fuzz:: --nocapture --test-threads=8; }
 drivers() { scripts/prepare.sh --chromium && scripts/prepare.sh --validation && scripts/drivers.sh --workspace "${profile[@]}"; }
 wheel() { make wheel PROFILE=ci WHEEL=--notebooks; }

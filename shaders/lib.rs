@@ -1,4 +1,5 @@
-//! The WGSL sources of quadrille, as texts. Each file says its twin on the CPU; a line `#import NAME` stands for `shared/NAME.wgsl`.
+//! The WGSL sources of quadrille, as texts. Each file says its twin on the CPU; a line `#import NAME` stands for
+//! `shared/NAME.wgsl`.
 
 macro_rules! texts {
     ($($name:literal)*) => {

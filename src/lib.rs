@@ -16,8 +16,8 @@
 //! # Ok(()) }
 //! ```
 //!
-//! A series of files into a store, restarted where it was stopped, and a case from its images to the law ([`run`]; longer ones are
-//! in `examples/`):
+//! A series of files into a store, restarted where it was stopped, and a case from its images to the law ([`run`];
+//! longer ones are in `examples/`):
 //!
 //! ```no_run
 //! # #[cfg(all(feature = "report", feature = "store"))]
@@ -37,15 +37,15 @@
 //! # fn main() {}
 //! ```
 //!
-//! One straight road: images -> [`field::Measurement`] -> [`identify::Fit`] -> [`report`]. Beside it the mechanics of cohesive joints:
-//! displacements of the border -> [`mechanics::Solution`]. Modules know only modules of lower rank (`tests/layers.rs`): `units`,
-//! `clock`, `isa`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`; `correlate`, `mechanics`; `bench`, `identify`,
-//! `metrology`, `virtual_test`; `paper`, `report`; `run`; `cli`.
+//! One straight road: images -> [`field::Measurement`] -> [`identify::Fit`] -> [`report`]. Beside it the mechanics of
+//! cohesive joints: displacements of the border -> [`mechanics::Solution`]. Modules know only modules of lower rank
+//! (`tests/layers.rs`): `units`, `clock`, `isa`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`;
+//! `correlate`, `mechanics`; `bench`, `identify`, `metrology`, `virtual_test`; `paper`, `report`; `run`; `cli`.
 //!
 //! # Features
 //!
-//! All are on by default; `default-features = false` leaves the correlator, the mechanics and the identification, with 168 crates
-//! instead of 331 (`scripts/check_features.sh` counts them).
+//! All are on by default; `default-features = false` leaves the correlator, the mechanics and the identification, with
+//! 168 crates instead of 331 (`scripts/check_features.sh` counts them).
 //!
 //! - `gpu`: graphics devices (wgpu). Without it [`backend::choice`] knows the CPU alone, and says so.
 //! - `store`: [`io::store`], the fields of a series (zarrs).

@@ -145,8 +145,8 @@ fn a_device_that_takes_no_time_shows_what_the_host_does_and_measures_for_nobody(
     };
     let [instant, cpu] = ["instant", "cpu"].map(cost);
     assert!(instant["device"].as_str().unwrap().contains("nothing is measured"), "{instant}");
-    // Frames end after about as many iterations as on the CPU (those of a frame that was predicted from one alone), without the passes over the
-    // pixels: a half of the time where this was written, two cold frames included.
+    // Frames end after about as many iterations as on the CPU (those of a frame that was predicted from one alone),
+    // without the passes over the pixels: a half of the time where this was written, two cold frames included.
     let iterations = |of: &Value| number(&of["iterations_mean"], "iterations_mean");
     assert!((iterations(&instant) - iterations(&cpu)).abs() < 2.0, "{instant} {cpu}");
     let alone = |of: &Value| number(&of["correlate_alone_s"]["median"], "correlate_alone_s");

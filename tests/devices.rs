@@ -308,7 +308,8 @@ fn a_right_device_is_not_given_up_on_real_images_whose_nodes_in_noise_end_before
     let ran = desk.run_with(&[], &[&words[..], &files[..]].concat()).fine();
     assert_eq!(desk.remarks("out", Code::DeviceWrong), [], "{ran}");
     let frame = &desk.json("out/summary.json")["frames"][0];
-    // It was looked at, and goes on from what was taken as it was by more than what is allowed of a field that has settled.
+    // It was looked at, and goes on from what was taken as it was by more than what is allowed of a field that has
+    // settled.
     let checked = frame["device_checked_px"].as_f64().unwrap();
     assert!(frame["iterations"].as_u64().unwrap() >= 7 && checked > 1e-4 + TWINS_PX, "{frame:#}");
 }

@@ -1,5 +1,5 @@
-//! A series spread over a real Slurm of one node (`tests/slurm/start.sh`): the scripts of `quadrille slurm`, a task that is
-//! killed and submitted again, and the job that checks and exports.
+//! A series spread over a real Slurm of one node (`tests/slurm/start.sh`): the scripts of `quadrille slurm`, a task
+//! that is killed and submitted again, and the job that checks and exports.
 #![cfg(feature = "cli")]
 #![cfg(target_os = "linux")]
 
@@ -107,8 +107,8 @@ fn process_of(task: usize) -> Option<String> {
     Some(found.file_name()?.to_string_lossy().into_owned())
 }
 
-/// Stops task `task` when it has written a record of its share in `records`: it is held as soon as it is seen and let go for
-/// moments, so that neither a fast nor a busy machine lets it end.
+/// Stops task `task` when it has written a record of its share in `records`: it is held as soon as it is seen and let
+/// go for moments, so that neither a fast nor a busy machine lets it end.
 fn stop_at_work(task: usize, records: &Path) {
     let begin = Instant::now();
     let signal = |which: &str, id: &str| {

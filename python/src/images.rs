@@ -107,9 +107,10 @@ impl<T: Element> Lent<T> {
 
 impl<T: Element> AsRef<[T]> for Lent<T> {
     fn as_ref(&self) -> &[T] {
-        // SAFETY: `of` has seen that the array is aligned and without gaps; NumPy does not move or free the memory of an array that is
-        // referred to (it refuses to resize it). Of other threads that write into it meanwhile, the documentation asks not to, as NumPy's
-        // own functions do, which read without the lock of the interpreter as well.
+        // SAFETY: `of` has seen that the array is aligned and without gaps; NumPy does not move or free the memory of
+        // an array that is referred to (it refuses to resize it). Of other threads that write into it
+        // meanwhile, the documentation asks not to, as NumPy's own functions do, which read without the lock of
+        // the interpreter as well.
         #[expect(unsafe_code, reason = "grey levels are not copied")]
         unsafe {
             std::slice::from_raw_parts(self.values, self.len)

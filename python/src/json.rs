@@ -38,7 +38,8 @@ pub fn record<'py, T: serde::Serialize>(py: Python<'py>, record: &T) -> PyResult
     to_python(py, &value)
 }
 
-/// The case that `json` holds, an object with the sections of a case file; `path` gives its folder and stands in messages.
+/// The case that `json` holds, an object with the sections of a case file; `path` gives its folder and stands in
+/// messages.
 pub fn case_of(json: &str, path: &Path) -> PyResult<CaseFile> {
     let wrong = |what: String| raise("OptionError", what);
     let value: Value = serde_json::from_str(json).map_err(|error| wrong(error.to_string()))?;

@@ -1,7 +1,8 @@
-//! The module `quadrille._quadrille` of Python: the library on NumPy arrays. What users see of it is in `quadrille/*.py`, which also
-//! say what the functions here take and give.
+//! The module `quadrille._quadrille` of Python: the library on NumPy arrays. What users see of it is in
+//! `quadrille/*.py`, which also say what the functions here take and give.
 //!
-//! Nothing is computed while the interpreter is locked, and nothing here prints: what a run has to say goes to `on_event`.
+//! Nothing is computed while the interpreter is locked, and nothing here prints: what a run has to say goes to
+//! `on_event`.
 
 mod correlator;
 mod errors;

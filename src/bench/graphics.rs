@@ -84,7 +84,8 @@ const SIZE: usize = 256;
 
 /// Opens an adapter and runs every kernel that a pair needs for the first time.
 fn start_up(adapter: &GpuAdapter) -> Result<(GpuBackend, StartUp), BenchError> {
-    // Times of a device that computes something else are worth nothing; on another device, for kernels are compiled below.
+    // Times of a device that computes something else are worth nothing; on another device, for kernels are compiled
+    // below.
     let checked = GpuBackend::new(adapter, &GpuOptions::default())?;
     let check = DeviceCheck::of(&checked)?;
     check.right(checked.device())?;

@@ -42,7 +42,8 @@ pub struct StartUp {
     pub open_s: f64,
     /// One submission of next to nothing until a few bytes are back, on the wall: an iteration takes one at least.
     pub round_trip_s: Spread,
-    /// The shortest kernel on a small image, as a submission of its own, on the wall: what handing over a dispatch takes.
+    /// The shortest kernel on a small image, as a submission of its own, on the wall: what handing over a dispatch
+    /// takes.
     pub dispatch_s: f64,
     /// Bytes from the host's memory to the device's, 1e9 per second.
     pub upload_gb_per_s: f64,

@@ -125,7 +125,8 @@ pub fn pass_costs<B: Subject>(
         let mut frame = backend.frame(scene.reference.clone(), &options)?;
         backend.reference(&mut frame, 0, &scene.mesh, &options)
     })?;
-    // f (4 bytes a pixel), its gradient (4) and the coefficients of the deformed image (4) once; the sums of an element are 15 values.
+    // f (4 bytes a pixel), its gradient (4) and the coefficients of the deformed image (4) once; the sums of an element
+    // are 15 values.
     let residual_bytes = 12 * pixels + 60 * elements + 16 * nodes;
     let mut uniform = ResidualPass::new(backend, scene, 0.03)?;
     let quiet = repeat(runs, || uniform.observe())?;

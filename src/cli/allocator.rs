@@ -1,19 +1,23 @@
-//! How the program gets its memory, on Linux with the GNU library: kept once it was had, and in large pages where the system grants them.
+//! How the program gets its memory, on Linux with the GNU library: kept once it was had, and in large pages where the
+//! system grants them.
 //!
-//! By default the allocator of the system takes every larger block from the kernel and gives it back when it is freed: each is then mapped and
-//! cleared page by page again, which takes a third of the time of a first pair of images. Kept, the blocks of the reference serve the frames; and
-//! in pages of 2 MB instead of 4 KB the first time is short as well (`scripts/cold.py`; ARCHITECTURE.md, "Tried, and left").
+//! By default the allocator of the system takes every larger block from the kernel and gives it back when it is freed:
+//! each is then mapped and cleared page by page again, which takes a third of the time of a first pair of images. Kept,
+//! the blocks of the reference serve the frames; and in pages of 2 MB instead of 4 KB the first time is short as well
+//! (`scripts/cold.py`; ARCHITECTURE.md, "Tried, and left").
 
 #![allow(unsafe_code, reason = "an allocator, and options of one that are set before any thread starts")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 
-/// Blocks from this size on, bytes, are where it is seen to that memory is in large pages: of smaller ones hardly any comes first.
+/// Blocks from this size on, bytes, are where it is seen to that memory is in large pages: of smaller ones hardly any
+/// comes first.
 const LARGE: usize = 16 << 10;
 /// Blocks from this size on, bytes, come from the kernel one by one.
 const MAPPED: usize = 1 << 30;
-/// How much the memory that is kept grows by at a time, bytes (of it what is never touched takes none); and what the system's allocator keeps for a
-/// thread other than the first lies in pieces of so much, at multiples of it. Of larger blocks each comes from the kernel there.
+/// How much the memory that is kept grows by at a time, bytes (of it what is never touched takes none); and what the
+/// system's allocator keeps for a thread other than the first lies in pieces of so much, at multiples of it. Of larger
+/// blocks each comes from the kernel there.
 const PIECE: usize = 64 << 20;
 
 /// The allocator of the program: that of the system, which keeps what it had and asks for large pages.
@@ -29,7 +33,8 @@ pub(super) fn keep_memory() {
         (libc::M_TRIM_THRESHOLD, libc::c_int::MAX),
         (libc::M_TOP_PAD, bytes(PIECE)),
     ] {
-        // SAFETY: `main` has started no other thread yet. An option that is refused leaves the default, which is slower.
+        // SAFETY: `main` has started no other thread yet. An option that is refused leaves the default, which is
+        // slower.
         unsafe { libc::mallopt(option, bytes) };
     }
 }
@@ -38,7 +43,8 @@ pub(super) fn keep_memory() {
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 pub(super) const fn keep_memory() {}
 
-/// Asks for large pages where a block is, for each piece of memory once; what the system does not grant stays in small ones.
+/// Asks for large pages where a block is, for each piece of memory once; what the system does not grant stays in small
+/// ones.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 fn ask_for_large_pages(block: *mut u8, bytes: usize) {
     use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};

@@ -40,8 +40,8 @@ struct Cost {
     frame_s: Spread,
     /// Processor seconds per frame of all threads, the preparation of the reference taken off.
     frame_processor_s: Spread,
-    /// Seconds between the field before a frame and its own, which no other frame can use, on all threads with nothing beside it: the median of
-    /// the frames that were predicted.
+    /// Seconds between the field before a frame and its own, which no other frame can use, on all threads with nothing
+    /// beside it: the median of the frames that were predicted.
     frame_in_turn_s: Spread,
     /// Each alone, on all threads; correlation with the images in memory.
     decode_alone_s: Spread,

@@ -189,7 +189,8 @@ fn compare(number: usize, test: &VirtualTest, measured: &Measurement<Px>) -> Com
             sigma += measured.sigma[node][c].powi(2);
         }
     }
-    // The facing edges at their right end: of zone 0, below the adhesive, the node highest up; of zone 1 the one furthest down.
+    // The facing edges at their right end: of zone 0, below the adhesive, the node highest up; of zone 1 the one
+    // furthest down.
     let end = |zone: usize, sign: f64| {
         let nodes = mesh.zone_nodes(zone);
         let rank = |node: &usize| (sign * mesh.nodes()[*node][1], mesh.nodes()[*node][0]);

@@ -15,8 +15,8 @@ use std::time::Instant;
 /// Readbacks after which every graphics device fails, for tests of what happens then.
 const FAIL_AFTER: &str = "QUADRILLE_GPU_FAIL_AFTER";
 
-/// A text of the shaders and what stands in its place, `FROM=>TO`, for tests of what happens then: from the first, or once the
-/// device was compared with the CPU.
+/// A text of the shaders and what stands in its place, `FROM=>TO`, for tests of what happens then: from the first, or
+/// once the device was compared with the CPU.
 const ALTER: &str = "QUADRILLE_GPU_ALTER";
 const ALTER_LATER: &str = "QUADRILLE_GPU_ALTER_LATER";
 
@@ -37,8 +37,8 @@ pub(super) fn options(trusted: bool) -> GpuOptions {
 
 /// Mesa's drivers complain on stderr of every program that runs without a desktop session.
 ///
-/// They are told a folder that is always there, holds no socket and cannot be given one: in a folder that others can write to,
-/// anybody could put a `wayland-0` that never answers.
+/// They are told a folder that is always there, holds no socket and cannot be given one: in a folder that others can
+/// write to, anybody could put a `wayland-0` that never answers.
 pub(super) fn quiet_drivers() {
     const RUNTIME: &str = "XDG_RUNTIME_DIR";
     const WITHOUT_SOCKETS: &str = "/proc/self";

@@ -29,7 +29,8 @@ fn micros(strains: Option<[f64; 3]>) -> [String; 3] {
     strains.map_or([(); 3].map(|()| "-".into()), |strains| strains.map(micro))
 }
 
-/// The element size whose gauges are printed when none were asked for: the recommended one, else the largest with a result.
+/// The element size whose gauges are printed when none were asked for: the recommended one, else the largest with a
+/// result.
 fn shown(found: &Metrology) -> Option<usize> {
     let gauges = &found.strain_gauges.gauges;
     let last = || gauges.iter().rev().find(|gauge| gauge.noise_predicted.is_some()).map(|gauge| gauge.element_size_px);

@@ -3,7 +3,8 @@
 /// Columns of a terminal that nobody has made wider.
 pub(super) const WIDTH: usize = 80;
 
-/// `text` in lines of at most [`WIDTH`] columns, those after the first begun with `indent` blanks. Words are kept whole.
+/// `text` in lines of at most [`WIDTH`] columns, those after the first begun with `indent` blanks. Words are kept
+/// whole.
 pub(super) fn wrapped(text: &str, indent: usize) -> String {
     let mut lines = String::new();
     let mut column = 0;

@@ -75,7 +75,8 @@ pub fn main() -> ExitCode {
     ExitCode::from(main_of(std::env::args_os()))
 }
 
-/// The same with these words, the first of which names the program; of a process that is another program. Help and version end it.
+/// The same with these words, the first of which names the program; of a process that is another program. Help and
+/// version end it.
 pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     signals::end_where_memory_ends();
     let arguments = args::joined(words);
@@ -172,8 +173,8 @@ fn pool(threads: Option<usize>) -> Result<rayon::ThreadPool> {
         Some(n) if n > 1024 => Err(format!("--threads is {n}; this machine has {cores} cores").into()),
         _ => {
             let threads = || rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(cores));
-            // The store asks for those of the whole process, which would be made then, and end the program where the system gives none.
-            // In a process that has them from before (Python) they stay.
+            // The store asks for those of the whole process, which would be made then, and end the program where the
+            // system gives none. In a process that has them from before (Python) they stay.
             if let Err(error) = threads().build_global()
                 && error.source().is_some()
             {

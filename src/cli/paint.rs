@@ -20,7 +20,8 @@ impl Paint {
     /// Without colours.
     pub const PLAIN: Self = Self(false);
 
-    /// For standard error, where statuses are said: as `choice` has it; by itself on a terminal, unless `NO_COLOR` is set.
+    /// For standard error, where statuses are said: as `choice` has it; by itself on a terminal, unless `NO_COLOR` is
+    /// set.
     pub fn of(choice: ColorChoice) -> Self {
         Self::on(choice, std::io::stderr().is_terminal())
     }

@@ -367,8 +367,8 @@ fn traction_figures(out: &Output, joint: &Joint, sweep: &[SweepRow]) -> Result<(
     out.save("mode-mixity", &plot.draw()?)
 }
 
-/// Figures 4 and 5: images and measured meshes without the rigid motion. Gives the number of frames that were correlated, and the
-/// root mean square of measured less true displacement, px.
+/// Figures 4 and 5: images and measured meshes without the rigid motion. Gives the number of frames that were
+/// correlated, and the root mean square of measured less true displacement, px.
 fn image_figures(out: &Output, test: &VirtualTest, args: &PaperArgs) -> Result<(usize, f64)> {
     let root = &args.results.output;
     let case = read_run_case(&root.join("virtual").join("case.toml"))?;

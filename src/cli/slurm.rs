@@ -88,7 +88,8 @@ struct About<'a> {
 }
 
 impl About<'_> {
-    /// Refuses names that a script cannot hold: a line break in one would begin a line of its own, also where it is quoted.
+    /// Refuses names that a script cannot hold: a line break in one would begin a line of its own, also where it is
+    /// quoted.
     fn check_names(&self, scripts: &Path) -> Result<()> {
         let names = [&self.case, &self.output, &self.program, &scripts.display().to_string(), &self.prologue_name()];
         match names.into_iter().find(|name| name.chars().any(|c| c.is_control() || c == char::REPLACEMENT_CHARACTER)) {

@@ -1,8 +1,8 @@
 //! The numerical experiments of Fedele, Raka, Hild and Roux (J. Mech. Phys. Solids 57, 2009, 1003-1016), done again.
 //!
-//! The border of the region that a camera sees is moved as in the virtual test, in which a larger joint is pulled apart; the
-//! displacements inside are computed with the paper's mesh, white noise is added, and the law is identified from them
-//! at the paper's 80 nodes with the paper's weights. Nothing is read from files. Units: mm, MPa, N/mm; y up.
+//! The border of the region that a camera sees is moved as in the virtual test, in which a larger joint is pulled
+//! apart; the displacements inside are computed with the paper's mesh, white noise is added, and the law is identified
+//! from them at the paper's 80 nodes with the paper's weights. Nothing is read from files. Units: mm, MPa, N/mm; y up.
 
 mod error;
 mod published;
@@ -41,8 +41,8 @@ pub const START: [f64; 3] = [1.5, 0.7, 1.4];
 /// Bounds of every parameter: its reference value over and times this.
 pub const BOUND: f64 = 6.0;
 
-/// Rows of elements in each strip: with 39 columns 546 elements and 39 cohesive ones. (The paper's counts, 570 of which 39
-/// cohesive, do not close: 531 is no multiple of 39.)
+/// Rows of elements in each strip: with 39 columns 546 elements and 39 cohesive ones. (The paper's counts, 570 of which
+/// 39 cohesive, do not close: 531 is no multiple of 39.)
 pub const ROWS: usize = 7;
 
 /// The region that is measured, with its border moved by a larger joint and the displacements inside computed.
@@ -116,8 +116,9 @@ impl Experiment {
         std::array::from_fn(|k| values[k])
     }
 
-    /// The identification of `phi_n`, `delta_n`, `delta_t` from the displacements with white noise of standard deviation
-    /// `s_px` at the inner nodes, drawn with `seed`; the border is exact. The draw does not depend on `s_px`.
+    /// The identification of `phi_n`, `delta_n`, `delta_t` from the displacements with white noise of standard
+    /// deviation `s_px` at the inner nodes, drawn with `seed`; the border is exact. The draw does not depend on
+    /// `s_px`.
     ///
     /// # Errors
     /// A level of noise that is none.
@@ -213,8 +214,8 @@ fn boundary_of(test: &VirtualTest, mesh: &JointMesh) -> Result<BoundaryHistory, 
     Ok(BoundaryHistory::new(nodes, instants)?)
 }
 
-/// The 80 nodes of the objective: the inner nodes of both faces of the adhesive, and of the row behind each of them those at a
-/// third and at two thirds of the length.
+/// The 80 nodes of the objective: the inner nodes of both faces of the adhesive, and of the row behind each of them
+/// those at a third and at two thirds of the length.
 fn selected_nodes(columns: u32, rows: u32) -> Vec<u32> {
     let per_row = columns + 1;
     let lower = rows * per_row;

@@ -15,8 +15,8 @@ pub struct PublishedRow {
     pub omega: Option<f64>,
 }
 
-/// `phi_n` (N/mm), `delta_n`, `delta_t` (mm) of the artificial data, section 4.1. The peaks given there, 74 and 103 MPa, are those
-/// of r = 6.
+/// `phi_n` (N/mm), `delta_n`, `delta_t` (mm) of the artificial data, section 4.1. The peaks given there, 74 and 103
+/// MPa, are those of r = 6.
 pub const REFERENCE_LAW: [f64; 3] = [1.0, 5e-3, 50e-3];
 /// `phi_n` (N/mm), `delta_n`, `delta_t` (mm), `r` identified from the experiment, section 4.2.
 pub const MEASURED_LAW: [f64; 4] = [2.5, 8.5e-3, 85e-3, 4.0];
@@ -26,10 +26,11 @@ pub const LEVELS_PX: [f64; 5] = [0.0, 0.1, 0.6, 1.0, 2.0];
 pub const PRESCRIBED_R: [f64; 4] = [3.0, 4.0, 5.0, 6.0];
 /// Noise with which Table 2 is done again: the objective of the experiment is that of 0.4 to 0.6 px.
 pub const SWEEP_NOISE_PX: f64 = 0.5;
-/// Initial stiffnesses identified from the experiment, normal and tangential, MPa/mm. The paper prints 34.1 and 2.7 as N/mm^3; by
-/// its parameters they are kN/mm^3.
+/// Initial stiffnesses identified from the experiment, normal and tangential, MPa/mm. The paper prints 34.1 and 2.7 as
+/// N/mm^3; by its parameters they are kN/mm^3.
 pub const PUBLISHED_STIFFNESS: [f64; 2] = [34.1e3, 2.7e3];
-/// Young's modulus (MPa) and Poisson's ratio that the paper assumes for the epoxy in bulk, and the adhesive's thickness (mm).
+/// Young's modulus (MPa) and Poisson's ratio that the paper assumes for the epoxy in bulk, and the adhesive's thickness
+/// (mm).
 pub const BULK: [f64; 3] = [1000.0, 0.4, 0.06];
 
 const fn row(key: f64, phi_n: f64, delta_n: f64, delta_t: f64, omega: Option<f64>) -> PublishedRow {

@@ -97,8 +97,8 @@ pub fn sweeps(
 pub struct SweepSummary {
     /// The prescribed value.
     pub r: f64,
-    /// Mean of `phi_n`, `phi_t` (N/mm), `delta_n`, `delta_t` (mm), the initial normal and tangential stiffness (MPa/mm), and the
-    /// objective.
+    /// Mean of `phi_n`, `phi_t` (N/mm), `delta_n`, `delta_t` (mm), the initial normal and tangential stiffness
+    /// (MPa/mm), and the objective.
     pub mean: [f64; 7],
     /// Their standard deviation over the draws; zero for one.
     pub spread: [f64; 7],

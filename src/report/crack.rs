@@ -91,7 +91,8 @@ impl CrackTipSummary {
 /// Frames whose profiles are drawn, at most.
 const PROFILES: usize = 6;
 
-/// The figures of a crack, each with the name of its file: opening along it in some frames, and its tips over the frames.
+/// The figures of a crack, each with the name of its file: opening along it in some frames, and its tips over the
+/// frames.
 pub fn crack_figures(history: &CrackHistory) -> Vec<(String, Plot)> {
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     let file: String = history.name.chars().map(plain).collect();

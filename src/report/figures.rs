@@ -70,8 +70,8 @@ pub fn draw_figure(
 /// Share of the values at either end that the colours of an animation leave out.
 const ENDS: f64 = 0.005;
 
-/// Between which ends the values of a figure of a frame lie, but for the outermost few; `None` of one without values. For colours that
-/// mean the same in all frames of a series.
+/// Between which ends the values of a figure of a frame lie, but for the outermost few; `None` of one without values.
+/// For colours that mean the same in all frames of a series.
 ///
 /// # Errors
 /// As [`draw_frame`].

@@ -5,15 +5,16 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What figures are made for. Letters and lines have one size on the sheet; what changes is the sheet: a figure for a column is drawn on a
-/// small one and shown larger.
+/// What figures are made for. Letters and lines have one size on the sheet; what changes is the sheet: a figure for a
+/// column is drawn on a small one and shown larger.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Look {
     /// With title and notes, at 100 % of a screen.
     #[default]
     Screen,
-    /// For print: about 84 mm wide (one column), letters of 8 pt, no title and no notes (the caption says that; warnings stay).
+    /// For print: about 84 mm wide (one column), letters of 8 pt, no title and no notes (the caption says that;
+    /// warnings stay).
     Paper,
     /// For a slide: letters that are read from the last row, a title, no notes (warnings stay).
     Slide,
@@ -21,7 +22,8 @@ pub enum Look {
 
 /// A column of a journal, mm.
 const COLUMN_MM: f64 = 84.0;
-/// What an axis counts is written in this size, pt, where print is meant; and in this many units of the sheet (see `axes::Letters`).
+/// What an axis counts is written in this size, pt, where print is meant; and in this many units of the sheet (see
+/// `axes::Letters`).
 const PRINTED_PT: f64 = 8.0;
 const PRINTED_UNITS: f64 = 15.0;
 /// Width of a sheet for a slide, units: letters of 15 are read where a figure fills its height.
@@ -44,8 +46,8 @@ impl Look {
         }
     }
 
-    /// Draws all figures of this process so from now on: one setting, as a run draws many figures in many places. Pages stay as they are:
-    /// they are for a screen.
+    /// Draws all figures of this process so from now on: one setting, as a run draws many figures in many places. Pages
+    /// stay as they are: they are for a screen.
     pub fn choose(self) {
         let place = Self::ALL.iter().position(|&look| look == self).unwrap_or(0);
         CHOSEN.store(place, Ordering::Relaxed);
@@ -74,8 +76,8 @@ impl Look {
         }
     }
 
-    /// A side of a map, `side` on a sheet of `width` where it fills `map` of it, so that the sheet is no wider than wanted; `None` where
-    /// it is not, or nothing would be left.
+    /// A side of a map, `side` on a sheet of `width` where it fills `map` of it, so that the sheet is no wider than
+    /// wanted; `None` where it is not, or nothing would be left.
     pub(super) fn narrowed(self, side: f64, width: i32, map: i32) -> Option<f64> {
         let excess = width - self.sheet()?;
         (excess > 0 && excess < map).then(|| side * f64::from(map - excess) / f64::from(map))

@@ -143,8 +143,8 @@ fn mark_of(measurement: &Measurement<Px>, element: usize) -> ElementMark {
     measurement.marks.as_ref().map_or(ElementMark::None, |marks| marks[element])
 }
 
-/// What must be said about a frame: how it ended, where not well, that there is nothing to see, what is left out, and that the mesh does
-/// not follow the motion.
+/// What must be said about a frame: how it ended, where not well, that there is nothing to see, what is left out, and
+/// that the mesh does not follow the motion.
 pub(super) fn warnings(measurement: &Measurement<Px>, drawn: bool) -> Vec<String> {
     let mut warnings = Vec::new();
     match measurement.status {

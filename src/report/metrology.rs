@@ -7,8 +7,8 @@ use crate::imaging::Image;
 use crate::mesh::{Mesh, Roi, Zone};
 use crate::metrology::{Metrology, Noise, Origin, PhotonFit, SizeResult, StrainGauge};
 
-/// Makes the page of what was `found` on `image`, named `name`. `plots` are the curves over element sizes and those of virtual strain
-/// gauges.
+/// Makes the page of what was `found` on `image`, named `name`. `plots` are the curves over element sizes and those of
+/// virtual strain gauges.
 ///
 /// # Errors
 /// Those of the figures.

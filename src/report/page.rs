@@ -1,8 +1,9 @@
 //! A report as one HTML page that needs nothing else: pictures are in it, nothing is fetched.
 //!
-//! Text stays text: only what has to be a picture is one. Curves are drawn twice, for wide and for narrow screens, so that
-//! their letters are as large as the page's on both; the numbers that they draw stand beside them (`data-series`), for programs and for
-//! the one script of the page, which says those under the pointer. What is [`Interactive`] brings more of it.
+//! Text stays text: only what has to be a picture is one. Curves are drawn twice, for wide and for narrow screens, so
+//! that their letters are as large as the page's on both; the numbers that they draw stand beside them (`data-series`),
+//! for programs and for the one script of the page, which says those under the pointer. What is [`Interactive`] brings
+//! more of it.
 
 use super::words::capital;
 use super::{Picture, Plot, ReportError};

@@ -125,7 +125,8 @@ impl Picture {
     /// # Errors
     /// Those of `out`.
     pub fn write_png<W: Write>(&self, out: W) -> Result<(), ReportError> {
-        // A user waits for it: a fifth of the time of the next levels, for a tenth more bytes; of speckles alone it is two thirds more.
+        // A user waits for it: a fifth of the time of the next levels, for a tenth more bytes; of speckles alone it is
+        // two thirds more.
         let encoder = PngEncoder::new_with_quality(out, CompressionType::Fast, FilterType::Adaptive);
         encoder
             .write_image(self.rgb(), self.width(), self.height(), ExtendedColorType::Rgb8)

@@ -130,7 +130,8 @@ impl PlotSeries {
         Self { band: Some([half.clone(), half]), ..self }
     }
 
-    /// The same curve with a band from `low` to `high`; where they are not finite there is none to be drawn, and the name says so.
+    /// The same curve with a band from `low` to `high`; where they are not finite there is none to be drawn, and the
+    /// name says so.
     pub fn with_limits(self, low: &[f64], high: &[f64]) -> Self {
         if low.iter().chain(high).any(|end| !end.is_finite()) {
             let what = if self.name.is_empty() { "band" } else { &self.name };

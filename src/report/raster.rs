@@ -45,8 +45,8 @@ impl Layer {
         }
     }
 
-    /// Draws lines of `colours[0]` with `colours[1]` beside them over the element, from lower left to upper right, at the same
-    /// places whatever is hatched.
+    /// Draws lines of `colours[0]` with `colours[1]` beside them over the element, from lower left to upper right, at
+    /// the same places whatever is hatched.
     pub fn hatch(&mut self, corners: [[f64; 2]; 4], colours: [Rgb; 2]) {
         self.paint(corners, |[column, row], _| colours.get(((column + row) % HATCH) as usize).copied());
     }

@@ -1,4 +1,5 @@
-//! What a comparison of laws gives people and programs: `tournament.json`, the table of tractions, a figure, a section of a page.
+//! What a comparison of laws gives people and programs: `tournament.json`, the table of tractions, a figure, a section
+//! of a page.
 
 use super::fit::rows_of;
 use super::law_plot::{MODES, law_series};
@@ -280,7 +281,8 @@ impl TournamentReport {
         write_table(out, &notes, &COLUMNS.map(str::to_owned), rows)
     }
 
-    /// Draws all laws over each other, in opening and in sliding; `save` is called with the name (without ending) of each picture.
+    /// Draws all laws over each other, in opening and in sliding; `save` is called with the name (without ending) of
+    /// each picture.
     ///
     /// # Errors
     /// A picture without a finite range, and what `save` refuses.

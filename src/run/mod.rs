@@ -1,11 +1,13 @@
-//! From images to results without a command line: what `quadrille correlate`, `watch`, `simulate`, `identify` and `run` do.
+//! From images to results without a command line: what `quadrille correlate`, `watch`, `simulate`, `identify` and `run`
+//! do.
 //!
 //! [`Plan`] says what is to be done: a case, with a [`Request`] over it. [`run_series`] does it, into a
-//! [`RunFolder`], tells whoever watches what happens ([`Event`]), stops when it is asked to ([`Stop`]), goes on where an earlier
-//! start was stopped, and returns what came of it ([`Ran`]). [`run_case`] goes on from there to the fit and its report. Nothing here
-//! prints or ends the process.
+//! [`RunFolder`], tells whoever watches what happens ([`Event`]), stops when it is asked to ([`Stop`]), goes on where
+//! an earlier start was stopped, and returns what came of it ([`Ran`]). [`run_case`] goes on from there to the fit and
+//! its report. Nothing here prints or ends the process.
 
-// What others have written must not end the program here either (see crates/io/src): what a run reads again is a file like any other.
+// What others have written must not end the program here either (see crates/io/src): what a run reads again is a file
+// like any other.
 #![cfg_attr(
     not(test),
     deny(

@@ -5,8 +5,8 @@ use crate::mechanics::Kinematics;
 use crate::mechanics::cohesive::ExtendedXuNeedleman;
 
 impl VirtualTest {
-    /// A case file for `quadrille run`, as an experimenter would write it who knows nothing of the truth: it lies beside the folder
-    /// `images` with `000000.png` and the frames.
+    /// A case file for `quadrille run`, as an experimenter would write it who knows nothing of the truth: it lies
+    /// beside the folder `images` with `000000.png` and the frames.
     pub fn case_toml(&self) -> String {
         self.case_toml_with(&[])
     }

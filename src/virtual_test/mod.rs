@@ -1,8 +1,9 @@
 //! The virtual test: a bonded joint that is pulled apart in the computer, and photographed.
 //!
-//! A joint larger than the image is solved under remote mixed-mode opening (or mostly opening, or mostly sliding: [`Mixity`]), on a mesh twice as fine as that of an
-//! identification with elements of 16 px; the images are textures moved by the computed displacements. All that an
-//! experiment hides is known here: displacements, tractions, parameters. No image is interpolated.
+//! A joint larger than the image is solved under remote mixed-mode opening (or mostly opening, or mostly sliding:
+//! [`Mixity`]), on a mesh twice as fine as that of an identification with elements of 16 px; the images are textures
+//! moved by the computed displacements. All that an experiment hides is known here: displacements, tractions,
+//! parameters. No image is interpolated.
 
 mod case;
 mod options;
@@ -45,21 +46,22 @@ const REGION_LEFT_PX: f64 = 48.0;
 pub const ALUMINIUM: [f64; 5] = [72_000.0, 0.33, 180.0, 0.06, 7.0];
 
 /// How the grips move over the test, lengths in mm. The remote edges open by
-/// `theta lambda [ln(1 + e^s) - dip exp(-(s + 2)^2/2)]`, `s = (x - a)/lambda`: closed, and pressed together a little, ahead
-/// of `a`; turned against each other by `theta` behind it. They slide by `slide` and drift together.
+/// `theta lambda [ln(1 + e^s) - dip exp(-(s + 2)^2/2)]`, `s = (x - a)/lambda`: closed, and pressed together a little,
+/// ahead of `a`; turned against each other by `theta` behind it. They slide by `slide` and drift together.
 mod remote {
     use super::Mixity;
 
-    /// Angle between the strips behind the front, rad: each turns by half of it. First and last instant. Of a sliding test it opens
-    /// the joint by a fifth of what its largest traction takes, so that the data know something of that too.
+    /// Angle between the strips behind the front, rad: each turns by half of it. First and last instant. Of a sliding
+    /// test it opens the joint by a fifth of what its largest traction takes, so that the data know something of
+    /// that too.
     pub const fn theta(mixity: Mixity) -> [f64; 2] {
         match mixity {
             Mixity::Opening | Mixity::Mixed => [0.028, 0.036],
             Mixity::Sliding => [0.0014, 0.0018],
         }
     }
-    /// Sliding of the grips, mm. First and last instant. The whole joint of a sliding test passes its largest traction at about a
-    /// third of it, and has hardly any left at the end.
+    /// Sliding of the grips, mm. First and last instant. The whole joint of a sliding test passes its largest traction
+    /// at about a third of it, and has hardly any left at the end.
     pub const fn slide_mm(mixity: Mixity) -> [f64; 2] {
         match mixity {
             Mixity::Opening => [0.001, 0.006],
@@ -143,8 +145,8 @@ impl VirtualTest {
         self.motion_with(k, |_, u| u)
     }
 
-    /// The motion of frame `k` after the rigid motion (exact rotation, least squares) of the measured region, both strips together, is
-    /// turned back.
+    /// The motion of frame `k` after the rigid motion (exact rotation, least squares) of the measured region, both
+    /// strips together, is turned back.
     ///
     /// # Panics
     /// When there is no such frame.
@@ -201,7 +203,8 @@ impl VirtualTest {
         self.image_of(k, &self.motion(k))
     }
 
-    /// The image of frame `k` as a camera sees it that follows the rigid motion of the measured region; rendered, not interpolated.
+    /// The image of frame `k` as a camera sees it that follows the rigid motion of the measured region; rendered, not
+    /// interpolated.
     ///
     /// # Errors
     /// Those of [`render`].
@@ -227,8 +230,8 @@ impl VirtualTest {
         exact_at(&self.motion(k), points)
     }
 
-    /// The region that is measured, cut out of the computed joint (with its fine elements), and the node of the joint that each of its
-    /// nodes is.
+    /// The region that is measured, cut out of the computed joint (with its fine elements), and the node of the joint
+    /// that each of its nodes is.
     pub fn region(&self) -> (JointMesh, Vec<u32>) {
         let mesh = self.model.mesh();
         let [upper, lower] = zones_px().map(|[x0, y0, x1, y1]| {
@@ -245,8 +248,9 @@ impl VirtualTest {
         mesh.part(inside).expect("the region is a joint")
     }
 
-    /// The forces on the upper strip (x, y; N per mm of width) at every instant: what a load cell at the upper grip shows, and what holds
-    /// the outer nodes of the region's upper strip, which is the traction of the joint that the images show.
+    /// The forces on the upper strip (x, y; N per mm of width) at every instant: what a load cell at the upper grip
+    /// shows, and what holds the outer nodes of the region's upper strip, which is the traction of the joint that
+    /// the images show.
     ///
     /// # Errors
     /// Those of [`Model::new`] for the region.
@@ -268,7 +272,8 @@ impl VirtualTest {
         Ok(self.solution.instants.iter().map(loads).collect())
     }
 
-    /// The largest rotation (rad) of a strip over the test: that of the rigid motion of either strip of the computed joint.
+    /// The largest rotation (rad) of a strip over the test: that of the rigid motion of either strip of the computed
+    /// joint.
     pub fn largest_rotation(&self) -> f64 {
         let mesh = self.model.mesh();
         let rotation = |u: &Vec<[f64; 2]>, strip: u32| {
@@ -295,8 +300,8 @@ pub fn zones_px() -> [[f64; 4]; 2] {
     [[x0, upper - height, x1, upper], [x0, lower, x1, lower + height]]
 }
 
-/// The computed joint. Its node numbers are those of [`JointMesh::rectangular`]; positions are px times the pixel size, so that
-/// nodes of a measurement that lie at the same pixels are at the same place to the last bits.
+/// The computed joint. Its node numbers are those of [`JointMesh::rectangular`]; positions are px times the pixel size,
+/// so that nodes of a measurement that lie at the same pixels are at the same place to the last bits.
 fn joint_mesh() -> Result<JointMesh, MeshFault> {
     let [columns, rows] = JOINT;
     let step = ELEMENT_PX / FINER as f64;

@@ -51,7 +51,8 @@ pub struct VirtualOptions {
 }
 
 impl Default for VirtualOptions {
-    /// 19 instants of a joint with the parameters of Table 1 of Fedele et al. (2009) and r = 4, 8 bit, noise of 2 grey levels.
+    /// 19 instants of a joint with the parameters of Table 1 of Fedele et al. (2009) and r = 4, 8 bit, noise of 2 grey
+    /// levels.
     fn default() -> Self {
         let (law, mixity) = ([1.0, 0.005, 0.05, 4.0], Mixity::Mixed);
         let kinematics = Kinematics::Paper;

@@ -1,5 +1,5 @@
-//! What the program meets on shared machines and in files that others made: nobody listens, sockets and locks of others, names of
-//! any bytes, headers that claim more than there is. Each of these ended a run, or hung it, before.
+//! What the program meets on shared machines and in files that others made: nobody listens, sockets and locks of
+//! others, names of any bytes, headers that claim more than there is. Each of these ended a run, or hung it, before.
 
 #![cfg(all(feature = "cli", target_os = "linux"))]
 
@@ -67,8 +67,8 @@ fn no_socket_in_a_folder_of_everybody_is_spoken_to() {
     assert!(!said(&output).contains("XDG_RUNTIME_DIR"), "{}", said(&output));
 }
 
-/// A library that makes `flock` what it is on NFS: exclusive locks of files that are open for reading alone are refused (`EBADF`);
-/// with `QUADRILLE_TEST_NO_LOCKS` every lock is (`ENOLCK`, as without a lock service).
+/// A library that makes `flock` what it is on NFS: exclusive locks of files that are open for reading alone are refused
+/// (`EBADF`); with `QUADRILLE_TEST_NO_LOCKS` every lock is (`ENOLCK`, as without a lock service).
 const NFS: &str = r#"
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -277,7 +277,8 @@ fn memory_that_ends_is_an_error_and_no_crash() {
             format!("ulimit -v {kib:.0}; exec $Q correlate --threads 1 --output run{kib:.0} ref.png a.png b.png c.png");
         let ran = shell(&desk, &line);
         assert!(matches!(ran.status.code(), Some(0..=2)), "{kib:.0} KiB: {:?}: {}", ran.status, said(&ran));
-        // Rust's own start of a thread may find no room for the stack of its signals: nothing of the program has run in that thread yet.
+        // Rust's own start of a thread may find no room for the stack of its signals: nothing of the program has run in
+        // that thread yet.
         let panics = |line: &&str| line.contains("panicked") && !line.contains("sys/pal/unix/stack_overflow.rs");
         assert_eq!(said(&ran).lines().find(panics), None, "{kib:.0} KiB: {}", said(&ran));
         kib *= 0.85;
@@ -347,8 +348,8 @@ fn full_disk(desk: &Desk) -> String {
     compiled(desk, &Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/full_disk.c"))
 }
 
-/// A disk that takes no more at some of the writes of `line`, which writes into disk/out, and then has room again: an error that says
-/// so, and the same results as ever. `scripts/soak.py` has every write.
+/// A disk that takes no more at some of the writes of `line`, which writes into disk/out, and then has room again: an
+/// error that says so, and the same results as ever. `scripts/soak.py` has every write.
 #[track_caller]
 fn full_at_some(desk: &Desk, line: &str, n_moments: usize) {
     let library = full_disk(desk);

@@ -1,5 +1,5 @@
-//! The book made of `docs/` (`make book`): its summary names every page, every command in it is one that the program knows, the
-//! tutorials run as they stand, and the reference of commands is the one that the program writes.
+//! The book made of `docs/` (`make book`): its summary names every page, every command in it is one that the program
+//! knows, the tutorials run as they stand, and the reference of commands is the one that the program writes.
 
 #![cfg(feature = "cli")]
 
@@ -170,9 +170,9 @@ fn assert_written_by(page: &str, command: &str) {
     );
 }
 
-/// Follows a tutorial in an empty folder: writes the files that it shows (blocks that begin with `# name`), runs its commands, one
-/// after the other, and looks for the files that its text promises: every word between backticks that begins with the name
-/// of an `--output` folder and a slash.
+/// Follows a tutorial in an empty folder: writes the files that it shows (blocks that begin with `# name`), runs its
+/// commands, one after the other, and looks for the files that its text promises: every word between backticks that
+/// begins with the name of an `--output` folder and a slash.
 #[track_caller]
 fn follow(page: &str) -> Desk {
     let text = fs::read_to_string(root().join("docs/tutorials").join(page)).unwrap();

@@ -839,7 +839,8 @@ fn figures_of_real_tests_are_small_and_complete() {
         println!("{name}: {} files in {:.1} s", files.len(), begin.elapsed().as_secs_f64());
         for file in files {
             let n = std::fs::metadata(&file).unwrap().len();
-            // Up to two pictures of 900 px, whose speckles hardly compress, 0.75 MB each as base64, and a thousand elements.
+            // Up to two pictures of 900 px, whose speckles hardly compress, 0.75 MB each as base64, and a thousand
+            // elements.
             assert!(n < 2_500_000, "{}: {n} bytes", file.display());
         }
     }

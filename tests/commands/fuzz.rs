@@ -1,6 +1,6 @@
-//! Every reader of files of others on seeds that are changed at random (fuzz/seeds): nothing panics, and nothing takes long. The long
-//! attack, guided by coverage, is `make fuzz`; this one runs in the program that the tests are built into anyway, a fixed number of
-//! changes of each seed, or with `QUADRILLE_FUZZ_SECONDS` so long for each reader.
+//! Every reader of files of others on seeds that are changed at random (fuzz/seeds): nothing panics, and nothing takes
+//! long. The long attack, guided by coverage, is `make fuzz`; this one runs in the program that the tests are built
+//! into anyway, a fixed number of changes of each seed, or with `QUADRILLE_FUZZ_SECONDS` so long for each reader.
 
 #![cfg(feature = "cli")]
 

@@ -1,5 +1,5 @@
-//! The pages of the documentation hold together: links lead somewhere, chapters that the source names are there, and commands name
-//! tests and scripts that there are.
+//! The pages of the documentation hold together: links lead somewhere, chapters that the source names are there, and
+//! commands name tests and scripts that there are.
 
 use std::collections::BTreeSet;
 use std::fs;

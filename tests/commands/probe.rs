@@ -44,7 +44,8 @@ fn points_of_a_run_are_those_of_its_tables() {
         let [node, between] = [&rows[2 * k], &rows[2 * k + 1]];
         let nodes = desk.rows(&format!("out/csv/{frame:06}.csv"));
         let there = nodes.iter().find(|row| row.px.position == [48.0, 48.0]).unwrap();
-        // The value at the point, not the coefficient of the field; rounding of what is interpolated between four of them.
+        // The value at the point, not the coefficient of the field; rounding of what is interpolated between four of
+        // them.
         let value = there.point_px.unwrap();
         assert!(value.is_value && (value.displacement[0] - there.px.displacement[0]).abs() > 1e-6, "{value:?}");
         assert!((number(node, "ux_px") - value.displacement[0]).abs() < 1e-9);

@@ -1,5 +1,5 @@
-//! A series carried out by the library, without a command line: the same bits as the program, events in order, a stop and what goes on
-//! after it.
+//! A series carried out by the library, without a command line: the same bits as the program, events in order, a stop
+//! and what goes on after it.
 
 #![cfg(feature = "cli")]
 

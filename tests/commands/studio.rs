@@ -1,4 +1,5 @@
-//! `quadrille studio`: who is answered and what is never given away; and the whole way in a real browser, from drawing to results.
+//! `quadrille studio`: who is answered and what is never given away; and the whole way in a real browser, from drawing
+//! to results.
 
 #![cfg(feature = "cli")]
 
@@ -310,8 +311,8 @@ f.onload = async () => {
 };
 </script>"#;
 
-/// Serves `look` under `/look.html`, hears what it has to say, and hands everything else to the studio: the page that drives and the
-/// one that is driven come from one place.
+/// Serves `look` under `/look.html`, hears what it has to say, and hands everything else to the studio: the page that
+/// drives and the one that is driven come from one place.
 fn before(studio: &Studio, look: String) -> (u16, Receiver<String>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let (tell, said) = channel();

@@ -85,8 +85,8 @@ fn a_rotation_by_80_degrees_is_measured_within_its_uncertainty() {
         assert!(reference == 0 || updates.as_array().unwrap().contains(&json!(reference)), "{reference} in {updates}");
         let found = store.frame(number).unwrap().unwrap().measurement;
         let motion = turned().at(number as f64 / N as f64);
-        // The second frame starts 6 px off at the corners: by the noise one or two elements there end marked as no match (six of
-        // 24 seeds).
+        // The second frame starts 6 px off at the corners: by the noise one or two elements there end marked as no
+        // match (six of 24 seeds).
         let measured: Vec<usize> = (0..found.measured.len()).filter(|&node| found.measured[node]).collect();
         assert!(measured.len() + 2 >= found.measured.len(), "frame {number}: {} nodes", measured.len());
         let sigmas: Vec<[f64; 2]> = measured.iter().map(|&node| found.sigma[node]).collect();

@@ -1,5 +1,5 @@
-//! `quadrille view`: the page is driven in a real browser, by mouse, by finger and by keys, and what it says is compared with the motion
-//! that the images were made with.
+//! `quadrille view`: the page is driven in a real browser, by mouse, by finger and by keys, and what it says is
+//! compared with the motion that the images were made with.
 
 #![cfg(feature = "cli")]
 
@@ -168,8 +168,8 @@ fn the_page_says_the_motion_of_the_images_under_mouse_finger_and_keys_and_hostil
         assert!(said.get("error").is_none(), "{said}");
         let text = |key: &str| said[key].as_str().unwrap().to_owned();
         assert!(text("lead").contains("2 frames: 2 converged"), "{said}");
-        // Noise-free images: 0.01 px is what interpolation leaves at nodes of such a series, and half a pixel of the screen moves the
-        // value by a hundredth of that.
+        // Noise-free images: 0.01 px is what interpolation leaves at nodes of such a series, and half a pixel of the
+        // screen moves the value by a hundredth of that.
         let u = 0.01 * (84.0 - 63.5);
         assert!((after(&text("value"), "u_x =") - u).abs() < 0.01, "{said}");
         assert!(text("value").contains("±") && text("value").ends_with("px"), "{said}");
@@ -305,8 +305,8 @@ f.onload = () => {
 };
 </script>"#;
 
-/// What is written by a page that goes on with a case file: at once; after the upper zone has got another name, the page another stiffness and the first
-/// extensometer another end; after all that is undone; without its joint.
+/// What is written by a page that goes on with a case file: at once; after the upper zone has got another name, the
+/// page another stiffness and the first extensometer another end; after all that is undone; without its joint.
 const EDITED: &str = r#"<!doctype html><body style="margin:0"><iframe id="f" src="draw.html" style="width:1280px;height:900px;border:0">
 </iframe><pre id="r">waiting</pre><script>
 f.onload = () => {
@@ -488,8 +488,9 @@ fn what_is_drawn_on_the_image_is_a_case_file_that_the_command_measures_by() {
         let (mask, cut) = (|line: &&str| line.starts_with("mask"), |line: &&str| line.starts_with("exclude"));
         let upper = case.lines().find(cut).unwrap();
         let bare: Vec<&str> = case.lines().filter(|line| !mask(line) && *line != upper).collect();
-        // Of elements of 8 px from (16, 8) on: the mask has less than half of those from x = 96 to 112, two columns of four; the
-        // stroke, 12 px wide, runs along y = 28 from x = 20 to 60 over six of them, then up to 14 over two more.
+        // Of elements of 8 px from (16, 8) on: the mask has less than half of those from x = 96 to 112, two columns of
+        // four; the stroke, 12 px wide, runs along y = 28 from x = 20 to 60 over six of them, then up to 14
+        // over two more.
         assert_eq!(elements(&bare.join("\n")) - elements(case), 8 + 6 + 2, "{case}");
         // The case file drawn again says the same, but for the scale, whose line is not in it.
         let again = desk.run("make page ref.png a.png b.png --case case.toml").fine();

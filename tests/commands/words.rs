@@ -1,5 +1,5 @@
-//! What the program says: a wrong word on the command line or in a case file is told with what to write instead, tables fit a
-//! terminal, what wants a look comes first and has colour there, the short help is one screen.
+//! What the program says: a wrong word on the command line or in a case file is told with what to write instead, tables
+//! fit a terminal, what wants a look comes first and has colour there, the short help is one screen.
 
 #![cfg(feature = "cli")]
 

@@ -214,8 +214,8 @@ pub fn correlate(
                 g.value([0, 1].map(|c| x[c] + (0..4).map(|k| psi[k] * displacement[nodes[k]][c]).sum::<f64>()))
             })
             .collect();
-        // Gain and offset about the means: of a zone the line closest to the pairs in both directions, of an element by least
-        // squares.
+        // Gain and offset about the means: of a zone the line closest to the pairs in both directions, of an element by
+        // least squares.
         let mut sums = vec![[0.0; 3]; n_groups];
         for (pixel, g) in pixels.iter().zip(&greys) {
             for (sum, value) in sums[pixel.5].iter_mut().zip([1.0, pixel.6, *g]) {

@@ -1,5 +1,6 @@
-//! Everything that reads files of others, each as a function of bytes that must not panic, abort or ask for memory without bounds.
-//! `fuzz/` calls them guided by coverage, `tests/commands/fuzz.rs` with seeds that are changed at random.
+//! Everything that reads files of others, each as a function of bytes that must not panic, abort or ask for memory
+//! without bounds. `fuzz/` calls them guided by coverage, `tests/commands/fuzz.rs` with seeds that are changed at
+//! random.
 
 use quadrille::field::{Measurement, Status, StrainDefinition, StrainField};
 use quadrille::io::case::{CaseDocument, parse_case, write_case};
@@ -250,8 +251,8 @@ impl Whole {
     }
 }
 
-/// A store of which one file is another: the first byte says which, the second whether the rest is its content or pairs of a place
-/// and a byte that is put there.
+/// A store of which one file is another: the first byte says which, the second whether the rest is its content or pairs
+/// of a place and a byte that is put there.
 pub fn store(data: &[u8]) {
     let [which, kind, rest @ ..] = data else { return };
     thread_local! {

@@ -627,8 +627,8 @@ fn fitted_to_g(&[n, f, _, g, gg, fg, _]: &[Near; 7]) -> Option<[Near; 2]> {
     (variance.value > 0.0 && covariance.value > 0.0).then(|| [gain, mean_f.minus(gain.times(mean_g))])
 }
 
-/// Gain and offset of the line closest to the pairs of f and g in both directions, or that of the contrasts where f and g share
-/// less than half of their variance; `None` where there is no contrast to fit.
+/// Gain and offset of the line closest to the pairs of f and g in both directions, or that of the contrasts where f and
+/// g share less than half of their variance; `None` where there is no contrast to fit.
 fn fitted(&[n, f, ff, g, gg, fg, _]: &[Near; 7]) -> Option<[Near; 2]> {
     let (mean_f, mean_g) = (f.over(n), g.over(n));
     let variance = gg.minus(g.times(mean_g));

@@ -1,6 +1,6 @@
-//! Images by another renderer than the program's own: Gaussian spots at random places, evaluated one by one at the place of
-//! the material and integrated over each pixel (2 x 2 Gauss points), so that no interpolation is in them; and scenes that
-//! spoil them.
+//! Images by another renderer than the program's own: Gaussian spots at random places, evaluated one by one at the
+//! place of the material and integrated over each pixel (2 x 2 Gauss points), so that no interpolation is in them; and
+//! scenes that spoil them.
 
 use quadrille::imaging::{Image, Pixels};
 use rand::{RngExt, SeedableRng};
@@ -22,7 +22,8 @@ pub struct Spots {
 }
 
 impl Spots {
-    /// A pattern that covers `-margin..side + margin` in both directions, its spots of the standard deviation `width`, px.
+    /// A pattern that covers `-margin..side + margin` in both directions, its spots of the standard deviation `width`,
+    /// px.
     pub fn new(seed: u64, side: usize, width: f64) -> Self {
         let margin = 48.0;
         let across = ((side as f64 + 2.0 * margin) / CELL).ceil() as i64;

@@ -19,7 +19,8 @@ fn root() -> &'static Path {
     path
 }
 
-/// The folder `name`: the first test that asks for it fills it by `make`, the others wait. Nobody writes into it afterwards.
+/// The folder `name`: the first test that asks for it fills it by `make`, the others wait. Nobody writes into it
+/// afterwards.
 #[track_caller]
 pub fn folder(name: &str, make: impl FnOnce(&Path)) -> PathBuf {
     let path = root().join(name);
@@ -27,7 +28,8 @@ pub fn folder(name: &str, make: impl FnOnce(&Path)) -> PathBuf {
     lock.lock().unwrap();
     let done = root().join(format!("{name}.done"));
     if !done.exists() {
-        // A test that fails while it fills the folder leaves it to the next one. It keeps its name: files in it may have written that down.
+        // A test that fails while it fills the folder leaves it to the next one. It keeps its name: files in it may
+        // have written that down.
         let _ = fs::remove_dir_all(&path);
         fs::create_dir(&path).unwrap();
         make(&path);

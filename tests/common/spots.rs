@@ -24,7 +24,8 @@ pub fn numbers(seed: u64) -> impl FnMut() -> f64 {
 }
 
 impl Spots {
-    /// Spots anywhere in the square `-side..2 side`, so that what comes into the image is as speckled as what leaves it.
+    /// Spots anywhere in the square `-side..2 side`, so that what comes into the image is as speckled as what leaves
+    /// it.
     pub fn random(side: usize, sigma: f64, seed: u64) -> Self {
         let mut number = numbers(seed);
         let length = 3.0 * side as f64;

@@ -1,4 +1,5 @@
-//! How close measured fields come to exact ones. Numbers to reach: the errors of the best open global codes on the same pair.
+//! How close measured fields come to exact ones. Numbers to reach: the errors of the best open global codes on the same
+//! pair.
 //!
 //! "rms" of a displacement error is the root mean square of its length, `sqrt(mean(ex^2 + ey^2))`: for the
 //! analytic pair, whose two components carry the same wave, this is the number that those codes were measured by.

@@ -24,7 +24,8 @@ fn prepared(reference: &Arc<Image>, zones: &[[f64; 4]]) -> Correlator<CpuBackend
     Correlator::new(CpuBackend::default(), reference.clone(), &zones, options).expect("a reference with texture")
 }
 
-/// Root mean square of the error of the measured nodes, px, their share, and the largest error by its standard uncertainty.
+/// Root mean square of the error of the measured nodes, px, their share, and the largest error by its standard
+/// uncertainty.
 fn error(found: &Correlation, truth: impl Fn([f64; 2]) -> [f64; 2]) -> [f64; 3] {
     let field = &found.measurement;
     let (mut sum, mut n, mut worst) = (0.0, 0.0, 0.0f64);
@@ -63,8 +64,8 @@ fn assert_found(degrees: f64, shift: [f64; 2], zone: [f64; 4]) {
         100.0 * share
     );
     assert_eq!(found.measurement.status, Status::Converged, "{degrees} degrees, {shift:?}");
-    // Noise of one grey level on speckles of 90: about 0.01 px inside, several times that at nodes that keep few pixels. A
-    // false match is off by a speckle.
+    // Noise of one grey level on speckles of 90: about 0.01 px inside, several times that at nodes that keep few
+    // pixels. A false match is off by a speckle.
     assert!(rms < 0.05, "{degrees} degrees, {shift:?}: {rms} px");
 }
 
@@ -230,8 +231,8 @@ fn nothing_is_said_of_random_spots() {
     assert_eq!(found.ambiguity, None);
 }
 
-/// Turns by 5 degrees more than was expected put the corners of a small zone 6 px off, on other speckles: node by node that took 75 to 150
-/// iterations in a quarter of the draws, or ended with a corner left out.
+/// Turns by 5 degrees more than was expected put the corners of a small zone 6 px off, on other speckles: node by node
+/// that took 75 to 150 iterations in a quarter of the draws, or ended with a corner left out.
 #[test]
 fn a_zone_that_has_turned_further_than_expected_is_put_right_as_a_whole_first() {
     let zone = [208.0, 208.0, 304.0, 304.0];

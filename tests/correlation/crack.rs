@@ -1,5 +1,6 @@
-//! Meshes cut along cracks: pixels, opening, sliding, tip and stress intensity against known fields. The images are drawn by a renderer
-//! of this file: sums of Gaussian blobs at material points that are found by fixed-point iteration on either side.
+//! Meshes cut along cracks: pixels, opening, sliding, tip and stress intensity against known fields. The images are
+//! drawn by a renderer of this file: sums of Gaussian blobs at material points that are found by fixed-point iteration
+//! on either side.
 
 use crate::common::gpu;
 use crate::program;
@@ -58,8 +59,8 @@ impl Scene {
         20.0 + sum.min(230.0)
     }
 
-    /// The image under `field`; `side` tells on which side of the crack a material point lies (0 where there is none). What no
-    /// material moves to is dark: the gap.
+    /// The image under `field`; `side` tells on which side of the crack a material point lies (0 where there is none).
+    /// What no material moves to is dark: the gap.
     fn image(&self, field: Field<'_>, side: &dyn Fn([f64; 2]) -> f64, noise: f64, seed: u64) -> Arc<Image> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut pixels = Vec::new();
@@ -268,7 +269,8 @@ fn opening_and_sliding_of_an_inclined_joint_are_found_within_their_uncertainty_o
 /// Young's modulus 1000 MPa, Poisson's ratio 0.3, 0.1 mm per px.
 const PLATE: Elasticity = Elasticity { young_mpa: 1000.0, poisson: 0.3, mm_per_unit: 0.1, radius: None };
 
-/// The field of Williams about a `tip` with the crack behind the unit vector `ahead`; K in MPa sqrt(m), displacement in px.
+/// The field of Williams about a `tip` with the crack behind the unit vector `ahead`; K in MPa sqrt(m), displacement in
+/// px.
 fn williams(tip: [f64; 2], ahead: [f64; 2], [k1, k2]: [f64; 2], x: [f64; 2], side: f64) -> [f64; 2] {
     let Elasticity { young_mpa, poisson, mm_per_unit, .. } = PLATE;
     let (dx, dy) = (x[0] - tip[0], x[1] - tip[1]);

@@ -1,5 +1,5 @@
-//! Cracks found from the residual, on images by another renderer than the program's own (`common/scenes.rs`): where there is one it is
-//! found and measured as by a path that was given, and nothing else is taken for one.
+//! Cracks found from the residual, on images by another renderer than the program's own (`common/scenes.rs`): where
+//! there is one it is found and measured as by a path that was given, and nothing else is taken for one.
 
 use crate::common;
 use crate::common::scenes;
@@ -41,7 +41,8 @@ impl Straight {
     }
 }
 
-/// A crack along a line from the left up to the column `tip`, whose lower side moves down by what `opening` says of the column.
+/// A crack along a line from the left up to the column `tip`, whose lower side moves down by what `opening` says of the
+/// column.
 fn cracked(line: Straight, opening: impl Fn(f64) -> f64 + Sync) -> [Arc<Image>; 2] {
     let s = spots();
     let seen = |y: [f64; 2]| {
@@ -145,8 +146,8 @@ fn nothing_else_is_taken_for_a_crack() {
     }
 }
 
-/// Beside an open crack the light changes: the elements there give up, since one gain for the zone is not theirs, and their nodes on the
-/// faces are followed one by one.
+/// Beside an open crack the light changes: the elements there give up, since one gain for the zone is not theirs, and
+/// their nodes on the faces are followed one by one.
 #[test]
 fn faces_in_another_light_are_followed_where_their_elements_give_up() {
     let (s, opening) = (spots(), 3.0);

@@ -388,15 +388,16 @@ fn the_whole_image_takes_at_most_one_iteration_more_than_a_zone_that_stays_insid
             assert_eq!(found.measurement.status, Status::Converged, "{shift:?}, margin {margin}");
             found.iterations
         });
-        // Where the edge of the image cuts elements corrections fall by six to ten times per iteration, inside by thirty.
+        // Where the edge of the image cuts elements corrections fall by six to ten times per iteration, inside by
+        // thirty.
         assert!(whole <= inner.max(4) + 1, "{shift:?}: {whole} iterations for the whole image, {inner} inside");
     }
 }
 
 #[test]
 fn small_elements_cut_by_the_edge_of_the_image_settle_as_the_others_do() {
-    // A column of pixels more or less decides where the nodes of a cut element of 8 px go, and where they are whether it is in: with elements
-    // that kept half of their pixels some of these frames took 78 to 148 iterations.
+    // A column of pixels more or less decides where the nodes of a cut element of 8 px go, and where they are whether
+    // it is in: with elements that kept half of their pixels some of these frames took 78 to 148 iterations.
     const SIZE: [usize; 2] = [128, 1024];
     const MOST: usize = 14;
     let image = |shift: [f64; 2], frame: u64| {
@@ -417,8 +418,8 @@ fn small_elements_cut_by_the_edge_of_the_image_settle_as_the_others_do() {
 
 #[test]
 fn elements_of_4_px_settle_from_a_prediction_as_they_leave_the_image() {
-    // Elements that went in and out of the image with the nodes beside them kept such frames from settling for 50 iterations, after which they were
-    // looked for again: the pyramid, then a second try.
+    // Elements that went in and out of the image with the nodes beside them kept such frames from settling for 50
+    // iterations, after which they were looked for again: the pyramid, then a second try.
     const SIZE: [usize; 2] = [256, 640];
     let noisy = |frame: u64| RenderOptions { noise: 1.0, frame, ..eight_bit(SIZE[0], SIZE[1]) };
     let image = |shift: [f64; 2], frame: u64| picture(&Moved(shift), &noisy(frame));
@@ -489,8 +490,8 @@ fn a_zone_that_has_turned_and_stretched_beyond_its_prediction_is_moved_as_a_whol
 #[test]
 #[ignore = "a minute and 4 GB: make study"]
 fn a_million_elements_of_4_px_end_within_a_dozen_iterations_in_every_frame() {
-    // The border moves by 3.4 px from frame to frame, which such elements cannot follow from the field before; and of a million nodes some find no
-    // rest in the noise (up to 96 iterations before they were given up).
+    // The border moves by 3.4 px from frame to frame, which such elements cannot follow from the field before; and of a
+    // million nodes some find no rest in the noise (up to 96 iterations before they were given up).
     const SIDE: usize = 4096;
     let motion = Accuracy::new(SIDE, SIDE);
     let image = |frame: u32| {
@@ -516,7 +517,8 @@ fn a_million_elements_of_4_px_end_within_a_dozen_iterations_in_every_frame() {
 
 #[test]
 fn small_elements_in_noise_end_within_20_iterations_and_scatter_as_they_state() {
-    // Noise of three grey levels in elements of 5 px: some nodes see little else, and wander for up to a hundred iterations if they are waited for.
+    // Noise of three grey levels in elements of 5 px: some nodes see little else, and wander for up to a hundred
+    // iterations if they are waited for.
     const SIDE: usize = 224;
     let (mut squares, mut n, mut iterations) = (0.0, 0.0, Vec::new());
     let [still, moved] = [0.0, 0.6].map(|amplitude| Sinusoids { amplitude, wavelength: 256.0 });
@@ -541,7 +543,8 @@ fn small_elements_in_noise_end_within_20_iterations_and_scatter_as_they_state() 
     // One of them may have an element that matches nothing, which takes several rounds.
     iterations.sort_unstable();
     assert!(iterations[3] <= 20, "{iterations:?} iterations");
-    // 20 000 deviates or so, of which neighbours are correlated: 1 % by chance; and speckles are as large as these elements.
+    // 20 000 deviates or so, of which neighbours are correlated: 1 % by chance; and speckles are as large as these
+    // elements.
     let scatter = (squares / n).sqrt();
     assert!((scatter - 1.0).abs() < 0.06, "{scatter} of what is stated");
     println!("{iterations:?} iterations, {scatter:.3} of what is stated");
@@ -589,7 +592,8 @@ fn a_frame_that_has_moved_out_is_lost_not_invented() {
     }
 }
 
-/// A frame that is predicted where it will be takes two or three iterations; 5 degrees along straight lines would be 0.7 px off at 90 px.
+/// A frame that is predicted where it will be takes two or three iterations; 5 degrees along straight lines would be
+/// 0.7 px off at 90 px.
 #[test]
 fn a_zone_that_turns_is_predicted_to_go_on_turning_and_all_else_goes_straight_on() {
     let mesh = Mesh::on_zones(&inside(256, 256, 32), 16, 256, 256).unwrap();

@@ -91,8 +91,8 @@ fn assert_same(what: &str, cpu: &Correlation, gpu: &Correlation, grey_range: f64
 }
 
 /// The requirement on what goes between host and device: one wait per iteration and two more (a cold frame asks for
-/// the match of its first starts too), and 20 bytes per node where it may be the end, after three, four and five iterations, and at the end,
-/// with 64 per iteration.
+/// the match of its first starts too), and 20 bytes per node where it may be the end, after three, four and five
+/// iterations, and at the end, with 64 per iteration.
 #[track_caller]
 fn assert_few_words(what: &str, found: &Correlation, image: &Image) {
     let traffic = found.traffic.expect("a GPU counts its traffic");
@@ -727,8 +727,8 @@ fn a_frame_from_its_prediction_makes_the_host_wait_once_or_twice() {
     let Some(gpu) = device() else { return };
     const SIDE: usize = 320;
     let [reference, deformed] = noisy_pair(&Accuracy::new(SIDE, SIDE), &eight_bit(SIDE, SIDE));
-    // Inside: three iterations at once, and one more where it takes one. Where the border loses pixels the frame has a matrix of its own: what is
-    // lost, what is left of it, its correction, the iterations after it, and one more.
+    // Inside: three iterations at once, and one more where it takes one. Where the border loses pixels the frame has a
+    // matrix of its own: what is lost, what is left of it, its correction, the iterations after it, and one more.
     for (margin, most) in [(16, 2), (0, 6)] {
         let zones = inside(SIDE, SIDE, margin);
         let (on_gpu, on_cpu) = (

@@ -319,7 +319,8 @@ fn sums_with_every_interpolation_and_brightness_are_right_within_round_off() {
 #[test]
 fn sums_of_elements_of_every_size_are_right_within_round_off() {
     let Some(gpu) = device() else { return };
-    // Where the device is a software one, wide elements have as many threads on a card alone. No number of them is one too many.
+    // Where the device is a software one, wide elements have as many threads on a card alone. No number of them is one
+    // too many.
     let Some(card) = device_with(&GpuOptions { most_lanes: Some(100), ..GpuOptions::default() }) else { return };
     for (element_size, width, height) in [
         (4, 38, 31),
@@ -631,7 +632,8 @@ fn a_step_solves_the_normal_equations_and_names_the_largest_correction() {
     }
 }
 
-/// Three steps of a field, each allowed to make those `ahead` of it, and what they found; and how often a device was waited for.
+/// Three steps of a field, each allowed to make those `ahead` of it, and what they found; and how often a device was
+/// waited for.
 fn three_steps<B: Backend>(backend: &B, ahead: &Ahead) -> ((Vec<Step>, Found), usize) {
     let (width, height) = (150, 118);
     let pair = images(width, height, Depth::U8);
@@ -688,7 +690,8 @@ fn a_step_that_ends_a_batch_before_its_time_can_be_made_again_and_its_field_is_t
     let mut reference = gpu.frame(pair[0].clone(), &laid.options).unwrap();
     let (level, moments) = gpu.reference(&mut reference, 0, &laid.mesh, &laid.options).unwrap();
     let [first, softer] = [1.0, 0.8].map(|scaled| solver_of(&gpu, &level, &laid.mesh.mesh, &moments, scaled).1);
-    // One element is lost in no step: the device ends the batch after the first. The correction made again is followed by another two.
+    // One element is lost in no step: the device ends the batch after the first. The correction made again is followed
+    // by another two.
     let on = Ahead { steps: 2, correction_px: [0.0, f64::INFINITY], lost: 0, counted: [0.0, f64::INFINITY] };
     let ends = Ahead { lost: 1, ..on };
     let fields = [[Ahead::NONE; 2], [ends, on]].map(|[first_ahead, again_ahead]| {
@@ -715,8 +718,9 @@ fn a_step_that_ends_a_batch_before_its_time_can_be_made_again_and_its_field_is_t
     assert!((again / step - 1.25).abs() < 0.02, "a matrix softer by a fifth: {step} px, then {again} px");
 }
 
-/// How far each of `steps` moved the nodes, px, and its largest correction, with a matrix that is too soft by the factor 0.7 and all nodes `off` px
-/// beside their place: corrections alternate and fall by 0.43 each where nodes are not relaxed.
+/// How far each of `steps` moved the nodes, px, and its largest correction, with a matrix that is too soft by the
+/// factor 0.7 and all nodes `off` px beside their place: corrections alternate and fall by 0.43 each where nodes are
+/// not relaxed.
 fn movements<B: Backend>(backend: &B, off: f64, steps: usize) -> (Vec<Vec<[f64; 2]>>, Vec<f64>) {
     let (width, height) = (150, 118);
     let options = eight_bit(width, height);
@@ -757,8 +761,8 @@ fn corrections_that_overshoot_are_relaxed_node_by_node_alike_on_both_devices() {
         let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>().sqrt();
         let (moved, apart) = (norm(&mut pairs().map(|(a, _)| *a)), norm(&mut pairs().map(|(a, b)| a - b)));
         println!("step {step}: {moved:.1e} px moved, {:.1e} of it apart", apart / moved);
-        // The second step is where the factor, 0.7, comes in: without it on one of them they would be 0.43 apart. Conjugate gradients stop at 1 %
-        // on the host and at about 3 % on a device.
+        // The second step is where the factor, 0.7, comes in: without it on one of them they would be 0.43 apart.
+        // Conjugate gradients stop at 1 % on the host and at about 3 % on a device.
         assert!(step > 1 || apart < 0.2 * moved, "step {step}: {apart} of {moved}");
     }
 }

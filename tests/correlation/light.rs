@@ -35,8 +35,8 @@ fn step(from_middle: f32, width: f32) -> f32 {
 const CONSTANT: Lit = |_, _| (1.0, 0.0);
 /// 15 % over the picture.
 const GRADIENT: Lit = |x, _| (0.925 + 0.15 * x / SIDE as f32, 0.0);
-/// 18 % darker behind an oblique edge of 100 px. About as much of the picture is brighter as is darker: the noise of the
-/// camera stays, and against less light it weighs more, which no method can help.
+/// 18 % darker behind an oblique edge of 100 px. About as much of the picture is brighter as is darker: the noise of
+/// the camera stays, and against less light it weighs more, which no method can help.
 const SHADOW: Lit = |x, y| (1.1 - 0.2 * step(0.8 * x + 0.6 * y - 0.7 * SIDE as f32, 100.0), 0.0);
 /// Contrast along one axis and brightness along the other.
 const BOTH: Lit = |x, y| (0.9 + 0.15 * y / SIDE as f32, 20.0 * x / SIDE as f32 - 10.0);

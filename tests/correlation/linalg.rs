@@ -181,7 +181,8 @@ fn a_matrix_that_is_not_positive_definite_names_a_node_without_texture() {
 
 #[test]
 fn a_solution_that_another_one_is_taken_up_in_does_not_wait_for_it() {
-    // A thread that waits for a part of what the first solution makes may take up the second, which must not wait for the first.
+    // A thread that waits for a part of what the first solution makes may take up the second, which must not wait for
+    // the first.
     let mesh = mesh(160, 120); // several pieces of work
     let (matrix, rhs) = (normal_matrix(&mesh), random(mesh.n_nodes(), 6));
     let want = Solver::iterative(matrix.clone()).solve(rhs.clone());
@@ -190,7 +191,8 @@ fn a_solution_that_another_one_is_taken_up_in_does_not_wait_for_it() {
         let (solver, begun) = (Solver::iterative(matrix.clone()), AtomicBool::new(false));
         let solve = || assert!(solver.solve(rhs.clone()) == want, "turn {turn}");
         pool.in_place_scope(|scope| {
-            // The other thread comes to help at one time or another, and leaves the second solution to the first thread.
+            // The other thread comes to help at one time or another, and leaves the second solution to the first
+            // thread.
             scope.spawn(|_| {
                 while !begun.load(Ordering::SeqCst) {
                     std::hint::spin_loop();

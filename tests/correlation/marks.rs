@@ -1,5 +1,5 @@
-//! Elements give up, not frames; and nothing converges wrong without a mark. Images by another renderer than the program's
-//! own (`common/scenes.rs`), with the truth known.
+//! Elements give up, not frames; and nothing converges wrong without a mark. Images by another renderer than the
+//! program's own (`common/scenes.rs`), with the truth known.
 
 use crate::common;
 use crate::common::scenes;

@@ -1,5 +1,5 @@
-//! Where the field is not followed: the residual names the elements, and the estimated model error holds the error of the
-//! nodes. Against exact fields, with noise.
+//! Where the field is not followed: the residual names the elements, and the estimated model error holds the error of
+//! the nodes. Against exact fields, with noise.
 
 use crate::common;
 use common::*;
@@ -205,8 +205,8 @@ fn the_bias_of_a_regularisation_stands_in_the_model_error() {
     let gap = Regularisation::EquilibriumGap { cutoff_px: 64.0, poisson: 0.33 };
     let mut worst = 0.0f64;
     // Where the estimated bias passes through zero the true one does so nearby: a few nodes on that line lie beyond, at
-    // most five times sigma and model error together (1.4 and 1.2 %, 0 and 4.5 % of the displacements seen). The equilibrium
-    // gap damps this longitudinal wave, of 1.2 effective cut-off lengths, to two thirds.
+    // most five times sigma and model error together (1.4 and 1.2 %, 0 and 4.5 % of the displacements seen). The
+    // equilibrium gap damps this longitudinal wave, of 1.2 effective cut-off lengths, to two thirds.
     for (regularisation, allowed) in [(tikhonov, [0.02, 0.02]), (gap, [0.01, 0.06])] {
         let options = Options { regularisation, ..Options::default() };
         let found = measured(&stretch, options.clone());

@@ -1,5 +1,5 @@
-//! Values at points: exact where the theory says so, closer than coefficients where images are correlated, with the scatter
-//! that their standard uncertainty states.
+//! Values at points: exact where the theory says so, closer than coefficients where images are correlated, with the
+//! scatter that their standard uncertainty states.
 
 use crate::common;
 use common::*;
@@ -32,8 +32,8 @@ fn parabola([x, y]: [f64; 2]) -> [f64; 2] {
     [0.3 + t + 0.4 * t * t - 0.7 * t * s + 0.2 * s * s, s - 0.3 * s * s + t * t]
 }
 
-/// The coefficients of the bilinear field nearest to `u` over the live elements: quadrature with five points along an axis and
-/// conjugate gradients, apart from what the filter uses.
+/// The coefficients of the bilinear field nearest to `u` over the live elements: quadrature with five points along an
+/// axis and conjugate gradients, apart from what the filter uses.
 fn projection(mesh: &Mesh<Px>, live: &[bool], u: impl Fn([f64; 2]) -> [f64; 2]) -> Vec<[f64; 2]> {
     const POINTS: [(f64, f64); 5] = [
         (0.046_910_077_030_668, 0.118_463_442_528_094_5),
@@ -179,8 +179,9 @@ fn values_of_polynomials_up_to_the_third_degree_are_exact_inside_at_borders_and_
     for (name, mesh, holes) in cases {
         let field = projected(mesh.clone(), &holes, cubic);
         let [value, coefficient] = largest_errors(&field, cubic);
-        // What a border does to the coefficients of a cubic, at most 0.12 (h^3 u''' = 0.6, theory 17) times about 0.27 for
-        // each element from it, is neglected of ends more than four elements away: 0.0006 there, and weights of a half at most.
+        // What a border does to the coefficients of a cubic, at most 0.12 (h^3 u''' = 0.6, theory 17) times about 0.27
+        // for each element from it, is neglected of ends more than four elements away: 0.0006 there, and
+        // weights of a half at most.
         println!("{name}: {value:.1e} of {coefficient:.2}");
         // Of the distorted mesh one corner would have twice the noise, and is right up to the second degree only.
         let tolerance = if name == "distorted" { 0.1 } else { 5e-4 };
@@ -188,7 +189,8 @@ fn values_of_polynomials_up_to_the_third_degree_are_exact_inside_at_borders_and_
         assert!(coefficient > 0.1, "{name}: {coefficient}");
         let field = projected(mesh, &holes, parabola);
         let [value, coefficient] = largest_errors(&field, parabola);
-        // On squares nothing of a parabola reaches further than its element; elsewhere what is cut off six elements away.
+        // On squares nothing of a parabola reaches further than its element; elsewhere what is cut off six elements
+        // away.
         let tolerance = if ["cut", "distorted"].contains(&name) { 2e-4 } else { 1e-8 };
         assert!(value < tolerance, "{name}, parabola: {value}");
         assert!(coefficient > 0.05, "{name}, parabola: {coefficient}");
@@ -206,7 +208,8 @@ fn between_nodes_values_follow_polynomials_up_to_the_third_degree_too() {
                 [20.0 + (f64::from(k) * 0.618_034).fract() * 160.0, 20.0 + (f64::from(k) * 0.754_878).fract() * 130.0];
             let Some(found) = at_point(&field, &noise, StrainDefinition::Infinitesimal, at) else { continue };
             let want = cubic(at);
-            // As at the nodes; in the corner of the distorted mesh parabolas are followed only (the bilinear field is off by 0.4).
+            // As at the nodes; in the corner of the distorted mesh parabolas are followed only (the bilinear field is
+            // off by 0.4).
             (0..2).for_each(|c| {
                 assert!((found.displacement[c] - want[c]).abs() < tolerance, "{at:?}: {found:?} for {want:?}")
             });
@@ -312,7 +315,8 @@ fn a_wave_of_eight_elements_is_met_at_points_within_a_fifth_of_what_coefficients
     let (all_coefficients, all_values) =
         (component_rms(&found.displacement, &all), component_rms(&points.displacement, &all));
     println!("inside {coefficients:.4} -> {values:.4}, all nodes {all_coefficients:.4} -> {all_values:.4} px");
-    // k^2 h^2/12 of 0.5 px over sqrt(2) is 0.018 px, and the texture adds; the next term, of the fourth order, is 0.0004.
+    // k^2 h^2/12 of 0.5 px over sqrt(2) is 0.018 px, and the texture adds; the next term, of the fourth order, is
+    // 0.0004.
     assert!(coefficients > 0.018, "{coefficients}");
     assert!(values <= 0.004, "{values}");
     assert!(all_values <= 0.3 * all_coefficients, "{all_values} of {all_coefficients}");
@@ -346,8 +350,8 @@ fn the_scatter_of_values_over_repeated_noise_is_that_of_their_standard_uncertain
             }
         }
     }
-    // 27 000 values inside, 7 200 on edges, 480 in corners: 0.4, 0.8 and 3 % by chance alone; and the texture of a place is none
-    // spread evenly, as the correlations suppose.
+    // 27 000 values inside, 7 200 on edges, 480 in corners: 0.4, 0.8 and 3 % by chance alone; and the texture of a
+    // place is none spread evenly, as the correlations suppose.
     for (what, [points, sigma, coefficients, of_coefficients], tolerance) in
         [("inside", sums[0], 0.03), ("edges", sums[1], 0.05), ("corners", sums[2], 0.12)]
     {
@@ -371,7 +375,8 @@ fn the_uncertainty_at_a_node_is_that_of_the_same_sum_with_the_correlations_of_th
     for node in (0..field.mesh.n_nodes()).filter(|&node| field.measured[node]) {
         let at = field.mesh.nodes()[node];
         let Some(there) = at_point(&field, &noise, StrainDefinition::Infinitesimal, at) else { continue };
-        // Correlations of an endless mesh inside, and of ends more than four elements away none: some per cent near them.
+        // Correlations of an endless mesh inside, and of ends more than four elements away none: some per cent near
+        // them.
         let ratio = there.sigma[0] / points.sigma[node][0];
         assert!((ratio - 1.0).abs() < 0.03, "{at:?}: {ratio}");
     }

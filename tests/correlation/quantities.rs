@@ -257,8 +257,8 @@ fn a_horizontal_joint_opens_upwards_and_slides_along_x() {
     let noise = noise_of(&upper);
     let mean = facing.mean(&upper, &noise).unwrap();
     assert_near(mean.opening.value, 3.0, 1e-12, "mean");
-    // 12 nodes on two sides, values with 1.12 times the noise of their coefficients here, neighbours with negative correlation: better
-    // than independent ones.
+    // 12 nodes on two sides, values with 1.12 times the noise of their coefficients here, neighbours with negative
+    // correlation: better than independent ones.
     assert!(mean.opening.sigma < 0.0158 / 12f64.sqrt() && mean.opening.sigma > 0.001, "{mean:?}");
 }
 

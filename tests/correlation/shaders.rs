@@ -72,8 +72,9 @@ fn every_shader_is_translated_for_vulkan_and_directx() {
     }
 }
 
-/// What Metal is given, and OpenGL ES would be. wgpu builds their writers on their own systems alone; the program `naga` has them all
-/// (`cargo install naga-cli`; `scripts/drivers.sh --long` installs it), and QUADRILLE_NAGA names it.
+/// What Metal is given, and OpenGL ES would be. wgpu builds their writers on their own systems alone; the program
+/// `naga` has them all (`cargo install naga-cli`; `scripts/drivers.sh --long` installs it), and QUADRILLE_NAGA names
+/// it.
 #[test]
 fn every_shader_is_translated_for_metal_and_opengl() {
     let Some(naga) = std::env::var_os("QUADRILLE_NAGA") else {
@@ -188,7 +189,8 @@ fn every_kernel_keeps_within_the_limits_of_every_webgpu_device() {
     }
 }
 
-/// What lets shaders run without wgpu's bounds of loops and guards of divisions (`crates/dic/src/backend/gpu/device.rs`).
+/// What lets shaders run without wgpu's bounds of loops and guards of divisions
+/// (`crates/dic/src/backend/gpu/device.rs`).
 #[test]
 fn every_loop_counts_up_to_a_bound_and_whole_numbers_are_divided_by_constants() {
     for (kernel, interpolation) in variants() {

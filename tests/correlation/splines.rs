@@ -1,5 +1,5 @@
-//! Cubic-spline elements: closer to the displacement at the same noise than bilinear ones, with the scatter that their standard
-//! uncertainty states, whatever the zone loses; and what they are refused for.
+//! Cubic-spline elements: closer to the displacement at the same noise than bilinear ones, with the scatter that their
+//! standard uncertainty states, whatever the zone loses; and what they are refused for.
 
 use crate::common;
 use common::*;
@@ -47,7 +47,8 @@ fn waves_of_four_elements_are_followed_as_closely_by_splines_as_by_bilinear_elem
     let [bilinear, smaller] = [16, 12].map(|element_size| rms_with(Options { element_size, ..Options::default() }));
     let found = rms_with(splines(16));
     println!("bilinear 16 px {bilinear:.4} px, 12 px {smaller:.4} px, splines 16 px {found:.4} px");
-    // Of a wave of four elements bilinear elements lose 6 % at their nodes and 30 % between, splines 1 to 2 % (`scripts/noise_resolution.py`).
+    // Of a wave of four elements bilinear elements lose 6 % at their nodes and 30 % between, splines 1 to 2 %
+    // (`scripts/noise_resolution.py`).
     assert!(found < 0.6 * bilinear && found < smaller, "{found} against {bilinear} and {smaller}");
 }
 
@@ -57,7 +58,8 @@ fn the_scatter_of_splines_over_repeated_noise_is_that_of_their_standard_uncertai
     const REPEATS: u64 = 40;
     let texture = Texture::new(77, 3.2).unwrap();
     let still = render(&texture, &REST, &float(SIDE, SIDE)).unwrap();
-    // Sums of squares of errors and of standard uncertainties: inside, beside edges, on edges, in corners; of values and coefficients.
+    // Sums of squares of errors and of standard uncertainties: inside, beside edges, on edges, in corners; of values
+    // and coefficients.
     let mut sums = [[0.0f64; 4]; 4];
     for seed in 0..REPEATS {
         let [f, g] = [0, 1].map(|image| noisy(&still, 2.0, 2 * seed + image));
@@ -75,8 +77,9 @@ fn the_scatter_of_splines_over_repeated_noise_is_that_of_their_standard_uncertai
             }
         }
     }
-    // Nodes beside each other scatter alike, so that 40 repeats are some 20 000 numbers inside, 1 300 beside and on edges, 160 in corners.
-    // In corners second differences hold what hardly any data does, which scatters less than is stated.
+    // Nodes beside each other scatter alike, so that 40 repeats are some 20 000 numbers inside, 1 300 beside and on
+    // edges, 160 in corners. In corners second differences hold what hardly any data does, which scatters less than
+    // is stated.
     let ratios = |[points, sigma, coefficients, of_coefficients]: [f64; 4]| {
         [(points / sigma).sqrt(), (coefficients / of_coefficients).sqrt()]
     };

@@ -1,5 +1,5 @@
-//! The study of virtual strain gauges: what a window flattens, against exact sines on a mesh and waves in images; what noise it
-//! leaves, against images at rest; what the program says of both.
+//! The study of virtual strain gauges: what a window flattens, against exact sines on a mesh and waves in images; what
+//! noise it leaves, against images at rest; what the program says of both.
 
 #![cfg(feature = "cli")]
 
@@ -34,7 +34,8 @@ fn template(size: usize) -> Measurement<Px> {
     solved(&prepared(&reference, &inside(SIDE, SIDE, 16), options), &reference)
 }
 
-/// The least-squares fit of linear elements between `nodes` to `u`: what a correlation makes of a displacement on even texture.
+/// The least-squares fit of linear elements between `nodes` to `u`: what a correlation makes of a displacement on even
+/// texture.
 fn fitted(nodes: &[f64], u: impl Fn(f64) -> f64) -> Vec<f64> {
     const STEPS: usize = 400; // the midpoint rule is good to 1e-6 of the amplitude
     let n = nodes.len();

@@ -81,7 +81,8 @@ fn a_quadratic_field_has_its_strain_in_whole_windows_and_that_of_the_middle_of_t
     // At the left border the window has its columns 0 to 2: the slope of a parabola fitted there is that of column 1.
     let exx = at(0.0, 80.0).xx;
     assert!((exx - exact(16.0, 80.0)[0]).abs() < 1e-14, "{exx}");
-    // The third degree is where a window begins to flatten: x^3 over 2k + 1 nodes has the slope l^2 (3 k^2 + 3 k - 1)/5.
+    // The third degree is where a window begins to flatten: x^3 over 2k + 1 nodes has the slope l^2 (3 k^2 + 3 k -
+    // 1)/5.
     let cubic = field(&mesh, |[x, _]| [1e-6 * (x - 80.0).powi(3), 0.0]);
     for (n, k) in [(3, 1.0), (5, 2.0), (7, 3.0f64)] {
         let found = windows(&mesh, n).of(&cubic, StrainDefinition::Infinitesimal);

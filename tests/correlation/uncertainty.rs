@@ -163,7 +163,8 @@ fn printed_uncertainty_is_the_scatter() {
         (None, Brightness::Zone, Interpolation::Quintic),
         (None, Brightness::Element, Interpolation::Cubic),
     ];
-    // Every way at a shift of any size; at whole and half pixels, where interpolation damps noise least and most, one of them.
+    // Every way at a shift of any size; at whole and half pixels, where interpolation damps noise least and most, one
+    // of them.
     for (shift, ways) in [([0.0, 0.0], &ways[..1]), ([0.25, -0.4], &ways[..]), ([0.5, 0.5], &ways[..1])] {
         let pair = Pair::new(SIDE, FINE_PX, shift);
         for &(noise, brightness, interpolation) in ways {
@@ -291,8 +292,8 @@ struct Study {
     gain: f64,
 }
 
-/// An image of `bits` bits (0: floats) with a texture of `contrast` grey levels rms about 128 and with noise, grey levels of
-/// the 0..255 scale.
+/// An image of `bits` bits (0: floats) with a texture of `contrast` grey levels rms about 128 and with noise, grey
+/// levels of the 0..255 scale.
 #[track_caller]
 fn shot(picture: &Image, contrast: f64, noise: f64, bits: u32, seed: u64) -> Arc<Image> {
     let (width, height) = (picture.width(), picture.height());
@@ -375,12 +376,13 @@ fn frames_as_noisy_as_a_third_of_their_contrast_converge_in_twenty_iterations_at
         let found = study(&pair, 43.0, noise, 8, 4, &inside(SIDE, SIDE, 32), &Options::default());
         println!("noise {noise}: {} iterations, gain {:.4}", found.most_iterations, found.gain);
         assert_eq!(found.converged, found.frames, "noise {noise}");
-        // Of 4 times 256 elements that all are followed the test names at most one in a hundred zones; two make it more than chance.
+        // Of 4 times 256 elements that all are followed the test names at most one in a hundred zones; two make it more
+        // than chance.
         assert!(found.misfit <= 1, "noise {noise}: {} elements with misfit", found.misfit);
         // A dozen for most; from the twentieth on the few nodes that have not settled are not waited for.
         assert!(found.most_iterations <= 20, "noise {noise}: {} iterations", found.most_iterations);
-        // Light did not change: 4 samples of 65 000 pixels know the gain to 0.3 %, and interpolation, which takes noise from one of
-        // the two images alone, leaves 2 %; the gain of least squares would be 0.93 and 0.88.
+        // Light did not change: 4 samples of 65 000 pixels know the gain to 0.3 %, and interpolation, which takes noise
+        // from one of the two images alone, leaves 2 %; the gain of least squares would be 0.93 and 0.88.
         assert!((found.gain - 1.0).abs() < 0.03, "noise {noise}: gain {}", found.gain);
     }
 }
@@ -424,7 +426,8 @@ fn a_change_of_light_counts_the_noise_of_the_deformed_image_with_its_gain() {
     for (place, within) in PLACES.into_iter().zip([0.05, 0.1, 0.1]) {
         let ratio = z.rms(place);
         println!("gain 2, {place:?}: error {ratio:.3} of the printed uncertainty");
-        // 16 zones and 6 samples leave 1.5 % of statistical error inside and at edges, 3 % at corners; 1.58 without gain.
+        // 16 zones and 6 samples leave 1.5 % of statistical error inside and at edges, 3 % at corners; 1.58 without
+        // gain.
         assert!((ratio - 1.0).abs() <= within, "{place:?}: {ratio}");
     }
 }

@@ -1,5 +1,6 @@
-//! Zones by themselves: where the specimen is in an image, what is left out and why, borders beside which there is nothing to
-//! see, and texture that turns out to be noise. The pictures are drawn here, disc by disc, and not by the program's renderer.
+//! Zones by themselves: where the specimen is in an image, what is left out and why, borders beside which there is
+//! nothing to see, and texture that turns out to be noise. The pictures are drawn here, disc by disc, and not by the
+//! program's renderer.
 
 use crate::common;
 use crate::program;
@@ -31,7 +32,8 @@ impl Dice {
     }
 }
 
-/// Dark discs of about `radius` px with soft edges on a bright ground, as dense as `density` (discs' area by area), moved by `shift`.
+/// Dark discs of about `radius` px with soft edges on a bright ground, as dense as `density` (discs' area by area),
+/// moved by `shift`.
 fn discs(width: usize, height: usize, radius: f64, density: f64, shift: [f64; 2], seed: u64) -> Vec<f64> {
     let mut dice = Dice(seed);
     let mut grey = vec![205.0_f64; width * height];
@@ -68,7 +70,8 @@ fn in_hole(x: usize, y: usize) -> bool {
     (x as f64 - HOLE.0[0]).hypot(y as f64 - HOLE.0[1]) < HOLE.1
 }
 
-/// A strip from row 48 to 272, with a hole and a glaring spot, between dark grounds; above it an island, a wire and dust.
+/// A strip from row 48 to 272, with a hole and a glaring spot, between dark grounds; above it an island, a wire and
+/// dust.
 fn is_specimen(x: usize, y: usize) -> bool {
     (48..272).contains(&y) && !in_hole(x, y) && !is_glaring(x, y)
 }
@@ -92,7 +95,8 @@ fn strip_with_a_hole(shift: [f64; 2], seed: u64) -> Arc<Image> {
     shot(WIDTH, HEIGHT, grey, 1.5, seed)
 }
 
-/// Shares of the pixels found that are no specimen, and of the specimen (but for `rim` px at its borders) that is not found.
+/// Shares of the pixels found that are no specimen, and of the specimen (but for `rim` px at its borders) that is not
+/// found.
 fn wrong_and_missed(found: &Specimen, rim: usize) -> [f64; 2] {
     let pixels = || (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y)));
     let is_found = |x: usize, y: usize| found.parts.iter().any(|part| part.contains(x, y));
@@ -203,8 +207,8 @@ fn the_program_finds_the_zone_writes_it_down_and_has_it_again_without_a_search()
     for row in &rows {
         let NodeValues { position: [x, y], displacement: [u, v], sigma: [su, sv] } = row.px;
         assert!((x - HOLE.0[0]).hypot(y - HOLE.0[1]) > HOLE.1 - 16.0 && (40.0..280.0).contains(&y), "({x}, {y})");
-        // Nodes of elements of which half is left see a fifth of the pixels: five of their standard uncertainties, and the
-        // bias of the interpolation on sharp-edged discs.
+        // Nodes of elements of which half is left see a fifth of the pixels: five of their standard uncertainties, and
+        // the bias of the interpolation on sharp-edged discs.
         let error = (u - 0.4).hypot(v + 0.3);
         assert!(error < 0.02 + 5.0 * su.hypot(sv), "({x}, {y}): {error}");
     }
@@ -291,8 +295,8 @@ fn the_warning_of_a_band_speaks_at_a_dark_joint_also_when_nodes_are_dropped() {
 
 #[test]
 fn a_place_that_only_looked_textured_is_left_out_when_the_residual_shows_the_noise() {
-    // A quiet dark border makes the noise of the reference seem small; a smooth spot holds nothing but the noise of bright
-    // places, which is then taken for texture.
+    // A quiet dark border makes the noise of the reference seem small; a smooth spot holds nothing but the noise of
+    // bright places, which is then taken for texture.
     let texture = [discs(WIDTH, HEIGHT, 3.0, 0.6, [0.0; 2], 61), discs(WIDTH, HEIGHT, 3.0, 0.6, [1.0, 2.0], 61)];
     let spot = |x: usize, y: usize| (160..240).contains(&x) && (130..210).contains(&y);
     let is_quiet = |x: usize, y: usize| y < 40 || x < 30;

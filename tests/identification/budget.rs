@@ -1,5 +1,5 @@
-//! The error budget of a fit: every effect against a refit with the constant moved; defaults, what switches a line off, typos;
-//! implausible values.
+//! The error budget of a fit: every effect against a refit with the constant moved; defaults, what switches a line off,
+//! typos; implausible values.
 
 use quadrille::identify::{
     Budget, BudgetLine, Case, Constant, ConstantKind, ELEMENT_SIZE, Face, Fit, NORMAL_95, Source, bands, fit,
@@ -536,7 +536,8 @@ fn values_that_nothing_has_are_named_with_what_may_be_meant() {
         }),
         []
     );
-    // Nor do the strips of published benchmarks: Abaqus' beam, two inclusions and their matrix, an aluminium, a fibre composite.
+    // Nor do the strips of published benchmarks: Abaqus' beam, two inclusions and their matrix, an aluminium, a fibre
+    // composite.
     for (e, nu) in [(1000.0, 0.3), (3090.0, 0.25), (10_000.0, 0.4), (69_000.0, 0.33), (133_150.0, 0.316)] {
         let said = implausible(|input| {
             let values = [("E_MPa".into(), e), ("nu".into(), nu)].into();

@@ -96,7 +96,8 @@ upper = { phi_n = 10 }
 phi_n = 0.1
 "#;
 
-/// Every value with the path of its key. Whole numbers are numbers, and a list of one name is the name, as in the typed case.
+/// Every value with the path of its key. Whole numbers are numbers, and a list of one name is the name, as in the typed
+/// case.
 fn leaves(table: &Table) -> BTreeMap<String, String> {
     fn walk(value: &toml::Value, path: String, found: &mut BTreeMap<String, String>) {
         match value {

@@ -106,7 +106,8 @@ fn a_right_model_is_not_rejected_and_its_residual_is_what_the_noise_leaves() {
         // 176 numbers each: the root mean square is good to 1 / sqrt(2 * 176) = 5 %; five of those.
         misfit.by_instant.iter().for_each(|group| assert!((group.ratio - 1.0).abs() < 0.27, "seed {seed}: {group:?}"));
     }
-    // 12 draws of a unit normal variable, somewhat less wide for the stated uncertainty of the noise: mean within 4 / sqrt(12).
+    // 12 draws of a unit normal variable, somewhat less wide for the stated uncertainty of the noise: mean within 4 /
+    // sqrt(12).
     let mean = z.iter().sum::<f64>() / z.len() as f64;
     assert!(mean.abs() < 1.15, "{z:?}");
     // Groups: over eight hundred of them the mean square of unit normal variables is 1 within a quarter.

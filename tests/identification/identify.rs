@@ -71,7 +71,8 @@ fn noisy(sigma: f64, seed: u64) -> Vec<Vec<[f64; 2]>> {
     truth().iter().map(|field| field.iter().zip(&common).map(|(u, e)| add(u, e)).collect()).collect()
 }
 
-/// A case of the reference test, whose constants are exact because its data are computed: the measurement's table and the fit's table are given, files stand in `folder`.
+/// A case of the reference test, whose constants are exact because its data are computed: the measurement's table and
+/// the fit's table are given, files stand in `folder`.
 fn case_text(base: &Path, measurement: &str, fit: &str, border: &str) -> String {
     format!(
         "[mesh]\nfile = \"{0}/mesh.json\"\n[boundary]\nfile = \"{border}\"\n[substrate]\nmodel = \"ramberg-osgood\"\n\
@@ -278,8 +279,8 @@ fn one_step_from_nearby_is_the_fit_to_second_order() {
 
 #[test]
 fn where_a_large_residual_stays_the_minimum_is_found_in_few_evaluations() {
-    // r = (z + 1, l z^2 + z - 1) of Dennis and Schnabel (1983, section 10.2): with l = -0.9 plain Gauss-Newton gains a factor of
-    // 0.9 a step about z = 0, which makes two hundred steps to 1e-9.
+    // r = (z + 1, l z^2 + z - 1) of Dennis and Schnabel (1983, section 10.2): with l = -0.9 plain Gauss-Newton gains a
+    // factor of 0.9 a step about z = 0, which makes two hundred steps to 1e-9.
     let evaluate = |z: &[f64]| {
         let (z, l) = (z[0], -0.9);
         let (r, j) = ([z + 1.0, l * z * z + z - 1.0], [1.0, 2.0 * l * z + 1.0]);
@@ -441,8 +442,8 @@ fn a_minimiser_without_derivatives_ends_at_the_same_place_on_noisy_data() {
     assert!(found.omega <= omega(&z) * (1.0 + 1e-12));
 }
 
-/// Fits of many draws of noise: the predicted standard deviations, the errors, and the share of intervals and bands that
-/// hold. Draws whose fit did not converge inside its bounds are counted and left out.
+/// Fits of many draws of noise: the predicted standard deviations, the errors, and the share of intervals and bands
+/// that hold. Draws whose fit did not converge inside its bounds are counted and left out.
 struct Draws {
     converged: usize,
     predicted: [f64; 3],
@@ -453,7 +454,8 @@ struct Draws {
     omega: f64,
 }
 
-/// Errors and predicted standard deviations of the parameters, share of tractions in their bands, omega over its expected value.
+/// Errors and predicted standard deviations of the parameters, share of tractions in their bands, omega over its
+/// expected value.
 type Row = (Vec<[f64; 2]>, f64, f64);
 
 fn draws(input: &JointInput, sigma_px: f64, seeds: u64, with_bands: bool) -> Draws {
@@ -528,8 +530,8 @@ fn predicted_uncertainties_are_the_scatter_of_forty_draws_and_intervals_and_band
     assert!(draws(&input, 0.4, 10, false).converged > 5);
 }
 
-/// At 0.05 px; the issue's figure is 0.15 of forty draws, whose scatter is itself known to 11 % (that of 20 to 16 %). At 0.1 px:
-/// `make study`.
+/// At 0.05 px; the issue's figure is 0.15 of forty draws, whose scatter is itself known to 11 % (that of 20 to 16 %).
+/// At 0.1 px: `make study`.
 #[track_caller]
 fn assert_predicted(n: u64, within: f64) {
     let Some(input) = near("weights = \"paper\"\nnoise_mm = 9.65625e-5", "") else { return };
@@ -587,7 +589,8 @@ fn covariance_weights_have_smaller_uncertainties_that_hold_and_an_estimated_boun
 
 #[test]
 fn the_weights_with_boundary_and_common_reference_eliminated_are_the_dense_formula() {
-    // W = P - P T (T^T P T)^-1 T^T P of THEORY 7, written out, for three instants of four rows and two boundary unknowns.
+    // W = P - P T (T^T P T)^-1 T^T P of THEORY 7, written out, for three instants of four rows and two boundary
+    // unknowns.
     let (rows, instants, n_border) = (4, 3, 2);
     let mut normal = Normal(7);
     let mut random = |r: usize, c: usize| {

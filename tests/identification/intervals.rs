@@ -109,8 +109,8 @@ fn white(n_rows: usize, sigma: f64) -> Noise {
     }
 }
 
-/// Shares of tractions that lie within their bands: by third of the joint, and where the adhesive is compressed; the bands,
-/// and those of 1.96 standard uncertainties; T_n and T_t.
+/// Shares of tractions that lie within their bands: by third of the joint, and where the adhesive is compressed; the
+/// bands, and those of 1.96 standard uncertainties; T_n and T_t.
 #[derive(Default, Clone)]
 struct Held {
     /// Within the band, within 1.96 std, all.
@@ -345,7 +345,8 @@ fn intervals_of_covariance_weights_hold_the_truth() {
 #[test]
 fn intervals_hold_on_a_small_joint_with_much_noise_and_where_it_is_loaded_too_little_to_break() {
     let paper = FitOptions { weights: WeightKind::Paper, bootstrap: Some(8), ..covariance() };
-    // Linear theory would give standard uncertainties of 10 %, and of any size where the joint is loaded a tenth as far.
+    // Linear theory would give standard uncertainties of 10 %, and of any size where the joint is loaded a tenth as
+    // far.
     let (broken, elastic) = (coverage(&small(1.0), 0.02, &paper, 8), coverage(&small(0.1), 0.01, &paper, 8));
     for sum in [&broken, &elastic] {
         assert!(sum.in_doubt == sum.converged && sum.converged >= 6.0, "{sum:?}");
@@ -382,7 +383,8 @@ fn a_nearly_linear_problem_keeps_its_linear_intervals_and_profile_intervals_of_i
         assert!((high - low - 2.0 * half - bias.abs()).abs() < 1e-9 * half, "{auto:?}");
         for (side, sign) in [(0, -1.0), (1, 1.0)] {
             let end = profile.ends95[side].unwrap();
-            // Second order in a standard uncertainty of about a per cent, and what is left of the search (5 % of a std).
+            // Second order in a standard uncertainty of about a per cent, and what is left of the search (5 % of a
+            // std).
             assert!((end - (auto.value + sign * half)).abs() < 0.08 * half, "{auto:?} {profile:?}");
         }
     }

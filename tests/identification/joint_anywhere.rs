@@ -24,7 +24,8 @@ const SIZE: [usize; 2] = [360, 344];
 const CENTRE: [f64; 2] = [180.0, 172.0];
 const TRUTH: [(&str, f64); 3] = [("phi_n", 1.0), ("delta_n", 0.005), ("delta_t", 0.02)];
 
-/// Left end of the strips, and the rows where the upper strip begins and ends and the lower one begins and ends; px about the centre.
+/// Left end of the strips, and the rows where the upper strip begins and ends and the lower one begins and ends; px
+/// about the centre.
 const LEFT: f64 = -0.5 * STEP * COLUMNS as f64;
 const EDGES: [f64; 4] = [-0.5 * GAP - STEP * ROWS as f64, -0.5 * GAP, 0.5 * GAP, 0.5 * GAP + STEP * ROWS as f64];
 
@@ -97,7 +98,8 @@ impl Motion for Turned {
     }
 }
 
-/// The displacements (px, y down) of the nodes of the upper and of the lower strip, row by row from the top, at every instant.
+/// The displacements (px, y down) of the nodes of the upper and of the lower strip, row by row from the top, at every
+/// instant.
 fn solved() -> &'static Vec<[Vec<[f64; 2]>; 2]> {
     static SOLVED: OnceLock<Vec<[Vec<[f64; 2]>; 2]>> = OnceLock::new();
     SOLVED.get_or_init(|| {
@@ -256,8 +258,8 @@ fn box_of(corners: [[f64; 2]; 4]) -> String {
     format!("roi = [{:?}, {:?}, {:?}, {:?}]", least(0), least(1), most(0), most(1))
 }
 
-/// All curves of opening and sliding in the report of a run: place along the joint, mm, jump, um, and half the width of its band: two
-/// standard uncertainties, zero of what is computed.
+/// All curves of opening and sliding in the report of a run: place along the joint, mm, jump, um, and half the width of
+/// its band: two standard uncertainties, zero of what is computed.
 fn jumps(run: &Path) -> [Vec<[f64; 3]>; 2] {
     let html = std::fs::read_to_string(run.join("report.html")).unwrap();
     ["Opening along the joint", "Sliding along the joint"].map(|title| {
@@ -328,8 +330,9 @@ fn the_law_of_a_joint_is_found_however_the_joint_is_turned_and_its_zones_are_dra
     assert!(notes[0].contains("17 nodes") && notes[0].contains("63.0 degrees"), "{notes:?}");
     assert_same(&polygons, &meshed, "mesh file");
 
-    // Jumps across the joint and places along it are the same, measured and computed, but for noise: four standard uncertainties of
-    // the difference of two, where computed jumps have at most those of the measured ends of the joint, which are prescribed.
+    // Jumps across the joint and places along it are the same, measured and computed, but for noise: four standard
+    // uncertainties of the difference of two, where computed jumps have at most those of the measured ends of the
+    // joint, which are prescribed.
     let level = jumps(&folder_of("level").join("run"));
     let largest = level.iter().flatten().fold(0.0, |most: f64, jump| most.max(jump[2]));
     assert!(level[0].len() == 2 * 3 * 17 && level[0].iter().any(|jump| jump[1] > 15.0), "{:?}", level[0]);
@@ -400,7 +403,8 @@ fn a_turned_joint_has_the_turned_solution_and_its_results_follow_it_from_end_to_
             let up = out([0.0, side]);
             for (k, normal) in normals.iter().enumerate() {
                 assert!((normal[0] - up[0]).hypot(normal[1] - up[1]) < 1e-12, "{degrees}, {lower}: {normal:?}");
-                // Along the tangent, which has the normal to its left: from the other end when the normal is turned round.
+                // Along the tangent, which has the normal to its left: from the other end when the normal is turned
+                // round.
                 let of_level = if lower == 0 { k } else { jumps.len() - 1 - k };
                 let along = places[k].1 - STEP * PIXEL_MM * k as f64;
                 assert!(along.abs() < 1e-12, "{degrees}, {lower}, pair {k}: {along:e}");

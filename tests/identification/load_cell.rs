@@ -146,7 +146,8 @@ fn fields_and_force_together_recover_the_truth_within_their_intervals() {
     assert!(held >= 10 && squares < 28.0, "{held} of 12, {squares}");
 }
 
-/// A set with other lines of `[force]`, and little noise of the displacements: the fields then know more than 10 % by themselves.
+/// A set with other lines of `[force]`, and little noise of the displacements: the fields then know more than 10 % by
+/// themselves.
 fn with_force(force: &str) -> Set<'_> {
     Set { force, noise: 2e-5, measurement: QUIET, fit: SAME_MESH, ..BOTH }
 }
@@ -303,7 +304,8 @@ fn what_is_wrong_with_a_force_is_one_clear_line() {
     refused(&Set { measurement: "[measurement]\nboundary = 'measured'\n", ..BOTH }, None, &["boundary", "exact"]);
 }
 
-/// A double cantilever beam whose arms are pulled apart by `opening` (mm, half of it each): 20 x 1.5 mm of aluminium, a crack of 8 mm.
+/// A double cantilever beam whose arms are pulled apart by `opening` (mm, half of it each): 20 x 1.5 mm of aluminium, a
+/// crack of 8 mm.
 fn beam() -> (serde_json::Value, Vec<[f64; 2]>, Vec<u32>, Vec<u32>) {
     let (columns, rows, size, gap, crack) = (40_u32, 3_u32, 0.5, 0.1, 16);
     let mut nodes = Vec::new();

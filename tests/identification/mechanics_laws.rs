@@ -274,7 +274,8 @@ fn every_cohesive_tangent_is_the_difference_of_its_traction() {
                 for k in 0..2 {
                     // Round-off of a difference: eps |T|/h.
                     let peak = law.peak().normal.max(law.peak().tangential);
-                    // The curvature of the PPR law changes its sign where there is no sliding: of first order in h over the steep rise.
+                    // The curvature of the PPR law changes its sign where there is no sliding: of first order in h over
+                    // the steep rise.
                     let relative = if jump.tangential == 0.0 { 1e-3 } else { 1e-7 };
                     let tolerance = relative * tangent[(row, k)].abs() + 1e-15 * peak / h + 1e-9;
                     assert_close(
@@ -364,7 +365,8 @@ fn the_peaks_and_works_of_separation_are_those_asked_for() {
             name if name.starts_with("bilinear") || name.starts_with("trapezoidal") => [values[3], values[4]],
             _ => [values[0], values[0] * values[3]],
         };
-        // The rounded corner of the bilinear law lowers its peak by ROUNDING lambda_0/lambda_f < 2 %; a plateau keeps it.
+        // The rounded corner of the bilinear law lowers its peak by ROUNDING lambda_0/lambda_f < 2 %; a plateau keeps
+        // it.
         let plateau = law.name().starts_with("trapezoidal") && values[6] > 0.1;
         let below = if values.len() > 5 && values[0] > 1e4 && !plateau { 0.02 } else { 1e-6 };
         for mode in 0..2 {
@@ -379,8 +381,8 @@ fn the_peaks_and_works_of_separation_are_those_asked_for() {
     }
 }
 
-/// Straight pieces written down once more, plainly: K up to the onset of Camanho and Davila, a plateau over the share s of what
-/// follows, and a fall to the end at which the area is the toughness of the mix.
+/// Straight pieces written down once more, plainly: K up to the onset of Camanho and Davila, a plateau over the share s
+/// of what follows, and a fall to the end at which the area is the toughness of the mix.
 #[test]
 fn bilinear_and_trapezoidal_tractions_are_straight_lines_between_their_corners() {
     let values = [4e5, 60.0, 90.0, 0.4, 1.1, 1.7];

@@ -1,4 +1,5 @@
-//! Strips and joint that turn by any angle (THEORY 14): rotations that give nothing, patches, derivatives, small rotations.
+//! Strips and joint that turn by any angle (THEORY 14): rotations that give nothing, patches, derivatives, small
+//! rotations.
 
 use crate::mechanics_common;
 use mechanics_common::*;
@@ -184,8 +185,8 @@ fn stretch([xx, yy, gamma]: [f64; 3]) -> [[f64; 2]; 2] {
 
 #[test]
 fn a_uniform_plastic_stress_and_a_uniform_jump_are_reproduced_at_any_rotation() {
-    // Axes of the joint at rest: tangent, normal. In them F = U, turned by `angle`; the traction of the jump, seen from the
-    // mid-line, is what U S n gives.
+    // Axes of the joint at rest: tangent, normal. In them F = U, turned by `angle`; the traction of the jump, seen from
+    // the mid-line, is what U S n gives.
     let law = adhesive([1.0; 4]);
     let jump = Jump { normal: 0.0021, tangential: -0.0013 };
     let Traction { normal, tangential } = law.response(jump).traction;
@@ -290,7 +291,8 @@ fn the_tangent_of_a_turned_joint_is_the_difference_of_its_forces() {
     }
 }
 
-/// A joint that is peeled: its arms turn against each other, by up to 0.15 rad at the right end, and the whole turns too.
+/// A joint that is peeled: its arms turn against each other, by up to 0.15 rad at the right end, and the whole turns
+/// too.
 fn peeled() -> (JointMesh, BoundaryHistory) {
     let mesh = JointMesh::rectangular(16, 3, SIZE, GAP).unwrap();
     let length = 16.0 * SIZE;
@@ -418,8 +420,8 @@ fn results_of_small_rotations_come_back_with_the_square_of_the_load() {
     assert!(small > 0.0 && (80.0..120.0).contains(&(large / small)), "{large:e} {small:e}");
 }
 
-/// A peel test whose arms turn by `degrees`: `folder` gets the border and the measured displacements (mm, noise of 0.02 px) of a mesh
-/// of 24 x 4 elements in each strip, computed with finite rotations on one twice as fine.
+/// A peel test whose arms turn by `degrees`: `folder` gets the border and the measured displacements (mm, noise of 0.02
+/// px) of a mesh of 24 x 4 elements in each strip, computed with finite rotations on one twice as fine.
 #[cfg(feature = "cli")]
 fn peel_files(folder: &std::path::Path, degrees: f64) {
     use rand::{RngExt, SeedableRng};

@@ -1,5 +1,5 @@
-//! Usual tests of adhesives: their builders, beam theory, a published curve, the path through a snap, and supports and loads of case
-//! files.
+//! Usual tests of adhesives: their builders, beam theory, a published curve, the path through a snap, and supports and
+//! loads of case files.
 
 use crate::common::data;
 use crate::mechanics_common;
@@ -56,8 +56,8 @@ fn the_arms_of_a_cantilever_bend_as_timoshenko_beams_on_an_elastic_foundation() 
     let u = &solution.instants[0].displacement;
     let upper: Vec<NodeGroup> = joint.groups.iter().filter(|group| group.name == "upper_pin").cloned().collect();
     let force = joint.model.reactions(&*joint.law, u, &upper)[0][1];
-    // An arm on springs of 2 k (the adhesive opens twice as much as it moves), a moment P a and a force P at the tip of the crack;
-    // w = exp(-p x) (A cos q x + B sin q x) beyond it.
+    // An arm on springs of 2 k (the adhesive opens twice as much as it moves), a moment P a and a force P at the tip of
+    // the crack; w = exp(-p x) (A cos q x + B sin q x) beyond it.
     let (bend, shear, springs) = (young * h.powi(3) / 12.0, 5.0 / 6.0 * 0.5 * young * h, 2.0 * k);
     let root = 0.5 * (springs / bend).sqrt();
     let (p, q) = ((root + springs / (4.0 * shear)).sqrt(), (root - springs / (4.0 * shear)).sqrt());
@@ -69,8 +69,8 @@ fn the_arms_of_a_cantilever_bend_as_timoshenko_beams_on_an_elastic_foundation() 
     let (ca, cb) = ((a * of_b[1] + of_b[0]) / det, (-of_a[0] - a * of_a[1]) / det);
     let slope = -p * ca + q * cb + 1.0 / shear;
     let wanted = ca - slope * a + a.powi(3) / (3.0 * bend) + a / shear;
-    // Bilinear elements are too stiff in bending by half the square of their length over the thickness: 0.35 %; what is left of 1 %
-    // is the arm's own compliance across, which the beam does not have.
+    // Bilinear elements are too stiff in bending by half the square of their length over the thickness: 0.35 %; what is
+    // left of 1 % is the arm's own compliance across, which the beam does not have.
     assert_close(0.5 / force, wanted, 0.006 * wanted, "deflection under a unit force");
     // Without the rotation of the root it is a tenth less: the comparison sees it.
     assert!(a.powi(3) / (3.0 * bend) < 0.9 * wanted);
@@ -107,7 +107,8 @@ fn every_specimen_can_be_computed_at_once_and_bad_sizes_are_refused() {
     assert!(refused(SpecimenKind::Mmb, &|s| s.adhesive = f64::NAN).contains("adhesive"));
 }
 
-/// Source of the curve: github roysondsouza316/diffcohesive, 86bf771 (MIT), Abaqus/Standard on the same mesh with the same law.
+/// Source of the curve: github roysondsouza316/diffcohesive, 86bf771 (MIT), Abaqus/Standard on the same mesh with the
+/// same law.
 #[test]
 fn a_published_cantilever_by_abaqus_is_met_on_its_own_mesh() {
     let Some(folder) = data::folder("benchmarks") else { return };

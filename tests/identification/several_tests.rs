@@ -1,5 +1,5 @@
-//! Several tests in one fit: information that adds, what each test determines, what is missing, and what is said of tests that do not go
-//! together.
+//! Several tests in one fit: information that adds, what each test determines, what is missing, and what is said of
+//! tests that do not go together.
 
 use quadrille::identify::{
     Case, CombinedCase, CombinedFit, Fit, FitError, FittedParameter, Outcome, fit, fit_combined, opening_share,
@@ -557,7 +557,8 @@ fn virtual_tests_of_each_kind_are_what_they_are_called() {
     assert!(opening > 0.9 && sliding < 0.1 && sliding < mixed && mixed < opening, "{opening} {mixed} {sliding}");
 }
 
-/// What `n` draws of the noise come to: for each parameter the mean relative error, the scatter, and the predicted standard uncertainty.
+/// What `n` draws of the noise come to: for each parameter the mean relative error, the scatter, and the predicted
+/// standard uncertainty.
 struct Drawn {
     error: [f64; 4],
     scatter: [f64; 4],
@@ -594,7 +595,8 @@ fn drawn(size: Size, n: u64, first: u64) -> Drawn {
 fn errors_of_a_few_draws_are_of_the_size_that_is_predicted() {
     let Drawn { error, scatter, predicted, .. } = drawn(SMALL, 6, 21);
     for k in 0..4 {
-        // Five degrees of freedom: 0.3 to 1.9 times sigma in 99.8 of 100 cases; the mean of six within three of its own sigma.
+        // Five degrees of freedom: 0.3 to 1.9 times sigma in 99.8 of 100 cases; the mean of six within three of its own
+        // sigma.
         let ratio = scatter[k] / predicted[k];
         assert!((0.2..2.0).contains(&ratio), "parameter {k}: {} for {}", scatter[k], predicted[k]);
         assert!(error[k].abs() < 3.0 * predicted[k] / 6.0_f64.sqrt(), "parameter {k}: {}", error[k]);

@@ -1,4 +1,5 @@
-//! Strips of other materials than one metal: laminates, layers, measured curves; and the energy that flows to the joint between them.
+//! Strips of other materials than one metal: laminates, layers, measured curves; and the energy that flows to the joint
+//! between them.
 
 use crate::mechanics_common;
 use mechanics_common::{adhesive, assert_close, difference, largest, measured_table};
@@ -53,8 +54,8 @@ fn tabulated(plane: PlaneState) -> Arc<dyn SubstrateLaw> {
     Arc::new(Tabulated::new([72e3, 0.33, 1.0], &curve, plane).unwrap())
 }
 
-/// Slope of the displacements across the layer (of u_x, of u_y) under which its stress gives the tractions `pull` (along, across) on its
-/// faces while it is stretched by `a` along them.
+/// Slope of the displacements across the layer (of u_x, of u_y) under which its stress gives the tractions `pull`
+/// (along, across) on its faces while it is stretched by `a` along them.
 fn across(law: &dyn SubstrateLaw, a: f64, pull: [f64; 2], small: bool) -> [f64; 2] {
     let off = |[f, g]: [f64; 2]| {
         let strain = match small {
@@ -282,7 +283,8 @@ fn what_is_wrong_with_a_material_is_one_clear_line() {
     refused("angle_deg = 0\n", "angle_deg = 0\nfile = 'curve.csv'\n", &["curve", "tabulated"]);
 }
 
-/// A double cantilever beam of arms `height` thick, cracked over `crack` of `columns` columns of elements, pulled apart by `opening`.
+/// A double cantilever beam of arms `height` thick, cracked over `crack` of `columns` columns of elements, pulled apart
+/// by `opening`.
 fn beam(
     columns: u32,
     rows: u32,
@@ -342,7 +344,8 @@ fn the_j_integral_is_the_energy_that_a_longer_crack_releases_whatever_the_domain
             let wanted = (stored(crack - 1) - stored(crack + 1)) / (2.0 * size);
             println!("{name} {kinematics:?}: {found:?} for {wanted:.6e}");
             assert_close(found.value, wanted, 0.012 * wanted, format!("{name} {kinematics:?}"));
-            // The tractions at the tip fall over half a millimetre (laminate) to one: off by the first order of an element.
+            // The tractions at the tip fall over half a millimetre (laminate) to one: off by the first order of an
+            // element.
             assert_close(found.of_tractions, wanted, 0.12 * wanted, format!("{name} {kinematics:?}, of the tractions"));
             assert!(found.spread < 0.01 * wanted && found.along, "{found:?}");
         }

@@ -40,7 +40,8 @@ const LAWS: [(&str, &[f64], &[&str]); 8] = [
     ("smith-ferrante", &[1.0, 0.005, 0.6], &["G_c", "delta_c", "beta"]),
 ];
 
-/// Border and displacements of a joint that is peeled open from its right end and slid over `n` instants, 12 x 4 elements.
+/// Border and displacements of a joint that is peeled open from its right end and slid over `n` instants, 12 x 4
+/// elements.
 fn pulled(law: &dyn CohesiveLaw, n: u32, uneven: f64, slide: f64) -> (String, Vec<Vec<[f64; 2]>>) {
     pulled_of(12, law, n, uneven, slide)
 }
@@ -116,8 +117,8 @@ fn fitted_as(folder: &Path, text: &str) -> Fit {
     .unwrap()
 }
 
-/// Every law from 0.3 and from 3.3 times its stiffness, strengths, works and lengths, all together and one against the other;
-/// exponents, shapes and shares keep the truth.
+/// Every law from 0.3 and from 3.3 times its stiffness, strengths, works and lengths, all together and one against the
+/// other; exponents, shapes and shares keep the truth.
 #[test]
 fn every_law_is_found_from_a_factor_of_three_off() {
     for (name, values, unknowns) in LAWS {
@@ -148,8 +149,8 @@ fn every_law_is_found_from_a_factor_of_three_off() {
     }
 }
 
-/// A step beyond the end of a law (2 G K/T^2 of a bilinear one below 1.5) has no value; shortened until nothing was left of it, the
-/// fit stalled there on its way, from eleven of thirteen starts at this noise.
+/// A step beyond the end of a law (2 G K/T^2 of a bilinear one below 1.5) has no value; shortened until nothing was
+/// left of it, the fit stalled there on its way, from eleven of thirteen starts at this noise.
 #[test]
 fn a_fit_is_not_held_up_where_its_law_ends() {
     let (name, values, unknowns) = LAWS[2];
@@ -164,13 +165,13 @@ fn a_fit_is_not_held_up_where_its_law_ends() {
         assert_eq!(found.status, FitStatus::Converged, "{}", found.reason);
         omegas.push(found.omega);
     }
-    // One minimum, on bounds that go with the start: omega is the same to a hundredth of what noise makes of it (1000 numbers:
-    // 1 / sqrt(500) of omega).
+    // One minimum, on bounds that go with the start: omega is the same to a hundredth of what noise makes of it (1000
+    // numbers: 1 / sqrt(500) of omega).
     assert!(omegas.iter().all(|omega| (omega / omegas[0] - 1.0).abs() < 4e-4), "{omegas:?}");
 }
 
-/// With a work of separation in opening prescribed that is far too small, sliding has to carry all: its strength goes up as far as
-/// the falling branch allows.
+/// With a work of separation in opening prescribed that is far too small, sliding has to carry all: its strength goes
+/// up as far as the falling branch allows.
 #[test]
 fn a_fit_that_ends_where_its_law_ends_says_so() {
     let (name, values, _) = LAWS[3];
@@ -251,8 +252,8 @@ fn the_right_law_wins_and_what_is_averaged_holds_the_truth_whatever_the_threads(
     assert_eq!((again.4, again.3), (bits, average));
 }
 
-/// Kinks of the objective give a trapezoid minima of its own, and noise chooses among them: with one minimum and linear intervals its
-/// tractions held the truth in 82 of 100 places. Compared with another law and fitted alone.
+/// Kinks of the objective give a trapezoid minima of its own, and noise chooses among them: with one minimum and linear
+/// intervals its tractions held the truth in 82 of 100 places. Compared with another law and fitted alone.
 #[test]
 fn a_law_with_corners_ends_in_its_lowest_minimum_and_its_band_holds_the_laws_of_the_others() {
     let (name, values, unknowns) = LAWS[5];
@@ -313,8 +314,8 @@ fn a_law_with_corners_ends_in_its_lowest_minimum_and_its_band_holds_the_laws_of_
     assert!(values_held * 6 >= n_values * 5, "{values_held} of {n_values}");
 }
 
-/// Works of separation that the data know to some per cent only: their ends in a comparison are those of the profile likelihood, which
-/// a fit by itself finds in another order of steps.
+/// Works of separation that the data know to some per cent only: their ends in a comparison are those of the profile
+/// likelihood, which a fit by itself finds in another order of steps.
 #[test]
 fn works_in_a_comparison_have_the_ends_of_their_profile_likelihood() {
     let (name, values, _) = LAWS[3];
@@ -425,8 +426,8 @@ const SIX: [&str; 6] = [
     "smith-ferrante",
 ];
 
-/// The table of the documentation for a small joint: truths of every kind, noise on every displacement, the extended law of Xu and
-/// Needleman started. SEEDS draws each. `scripts/tournament.py` does the same on the virtual test.
+/// The table of the documentation for a small joint: truths of every kind, noise on every displacement, the extended
+/// law of Xu and Needleman started. SEEDS draws each. `scripts/tournament.py` does the same on the virtual test.
 #[test]
 #[ignore = "many tournaments"]
 fn which_law_over_many_draws() {

@@ -66,7 +66,8 @@ fn the_crack_runs_from_right_to_left_through_the_region_with_compression_ahead()
     let [x0, _, x1, _] = zones_px()[0];
     assert!(fronts[0] > x1, "it comes in from the right: {fronts:?}");
     assert!(*fronts.last().unwrap() < 0.5 * (x0 + x1), "it has passed the middle: {fronts:?}");
-    // At first some place of the region softens or has opened and another, further left, is compressed; later the compressed zone is left of the region.
+    // At first some place of the region softens or has opened and another, further left, is compressed; later the
+    // compressed zone is left of the region.
     let peak = test.law().peak().normal;
     for instant in 1..=5 {
         let t = normal_tractions(instant);
@@ -80,8 +81,8 @@ fn the_crack_runs_from_right_to_left_through_the_region_with_compression_ahead()
 
 #[test]
 fn both_modes_are_there() {
-    // Where only one were, r and delta_t could not be told: sliding beyond that of the largest traction, delta_t/sqrt(2), while
-    // T_n acts elsewhere.
+    // Where only one were, r and delta_t could not be told: sliding beyond that of the largest traction,
+    // delta_t/sqrt(2), while T_n acts elsewhere.
     let test = test();
     let last = test.model().jumps(&test.solution().instants[18].displacement);
     let most = last.iter().map(|jump| jump.tangential).fold(0.0, f64::max);
@@ -187,8 +188,8 @@ fn the_command_writes_images_truth_and_a_case_and_seeds_change_the_images_alone(
 
 #[test]
 fn the_truth_simulates_to_itself() {
-    // The region, cut out and driven by its own border, has the displacements of the whole joint: both are equilibrium to 1e-11 of the
-    // largest force.
+    // The region, cut out and driven by its own border, has the displacements of the whole joint: both are equilibrium
+    // to 1e-11 of the largest force.
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("test");
     assert!(quadrille(&["make", "virtual-test", "--noise", "0", "--output", out.to_str().unwrap()]).status.success());

@@ -1,4 +1,5 @@
-//! No file names another that names it back, directly or through others: inside a room too one can begin to read somewhere.
+//! No file names another that names it back, directly or through others: inside a room too one can begin to read
+//! somewhere.
 
 use super::Source;
 use std::collections::{BTreeMap, BTreeSet};

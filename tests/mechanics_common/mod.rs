@@ -142,8 +142,8 @@ pub struct Pulled {
     pub fields: Vec<Vec<[f64; 2]>>,
 }
 
-/// Two strips of `columns` x `rows` elements that open, and the more so by `uneven` towards one end, over `n` instants; phi_n = 1,
-/// delta_n = 0.005, delta_t = 0.05, r = 4.
+/// Two strips of `columns` x `rows` elements that open, and the more so by `uneven` towards one end, over `n` instants;
+/// phi_n = 1, delta_n = 0.005, delta_t = 0.05, r = 4.
 pub fn pulled(columns: usize, rows: usize, n: u32, uneven: f64) -> Pulled {
     let mesh = JointMesh::rectangular(columns, rows, 0.0309, 0.06).unwrap();
     let nodes = mesh.outer_nodes();

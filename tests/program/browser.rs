@@ -28,7 +28,8 @@ fn program() -> Option<String> {
     Some(program)
 }
 
-/// A browser that stays on the page at `address`, in real time, and keeps its things in `folder`; `None` as of [`seen`].
+/// A browser that stays on the page at `address`, in real time, and keeps its things in `folder`; `None` as of
+/// [`seen`].
 pub fn opened(folder: &Path, address: &str) -> Option<Child> {
     let mut browser = Command::new(program()?);
     browser
@@ -39,8 +40,8 @@ pub fn opened(folder: &Path, address: &str) -> Option<Child> {
     Some(browser.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap())
 }
 
-/// What the element `r` of the page `look` says in the end, which lies in `folder` and may look into the files beside it; `None`, said,
-/// without a browser, unless `QUADRILLE_CHROMIUM` demands one.
+/// What the element `r` of the page `look` says in the end, which lies in `folder` and may look into the files beside
+/// it; `None`, said, without a browser, unless `QUADRILLE_CHROMIUM` demands one.
 pub fn seen(folder: &Path, look: &str) -> Option<String> {
     let program = program()?;
     let page = folder.join("look.html");

@@ -32,13 +32,18 @@ pub fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args([&format!("-{name}"), &child.id().to_string()]).status().unwrap().success());
 }
 
+/// Frames of the run in `folder` that are done.
+pub fn frames_done(desk: &Desk, folder: &str) -> usize {
+    // One of the entries describes the array.
+    fs::read_dir(desk.path(&format!("{folder}/fields.zarr/status"))).map_or(0, |all| all.count().saturating_sub(1))
+}
+
 /// Waits until `n` frames are done.
 #[track_caller]
 pub fn wait_for_frames(desk: &Desk, folder: &str, n: usize) {
     let begin = Instant::now();
-    let done = || fs::read_dir(desk.path(&format!("{folder}/fields.zarr/status"))).map_or(0, |entries| entries.count());
-    while done() < n + 1 {
-        assert!(begin.elapsed() < Duration::from_secs(60), "{} frames after a minute", done());
+    while frames_done(desk, folder) < n {
+        assert!(begin.elapsed() < Duration::from_secs(60), "{} frames after a minute", frames_done(desk, folder));
         std::thread::sleep(Duration::from_millis(2));
     }
 }

@@ -1,6 +1,6 @@
-//! SHA-256 of bytes: what names a file's content in records, and a script that a page allows. By `ring`, whose code for processors without
-//! instructions for it takes half the time of others: every image of a series is hashed, which was half of what such a host did beside a
-//! graphics card (ARCHITECTURE.md, "Tried, and left").
+//! SHA-256 of bytes: what names a file's content in records, and a script that a page allows. By `ring`, whose code for
+//! processors without instructions for it takes half the time of others: every image of a series is hashed, which was
+//! half of what such a host did beside a graphics card (ARCHITECTURE.md, "Tried, and left").
 
 use ring::digest::{SHA256, digest};
 use std::fmt::Write as _;

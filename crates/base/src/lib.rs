@@ -1,4 +1,5 @@
-//! The ground of quadrille: units, linear algebra, images, meshes and fields. Nothing here opens a file or knows a device.
+//! The ground of quadrille: units, linear algebra, images, meshes and fields. Nothing here opens a file or knows a
+//! device.
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used))]
 

@@ -1,19 +1,20 @@
 //! Loops whose parts are shared by the threads of a pool, and that end as soon as these are done.
 //!
-//! A loop of rayon waits for its last parts by taking up whatever else there is to do. Where that is the end of another frame, ten times as long as
-//! the loop, those who wait for what follows it have nothing to do meanwhile.
+//! A loop of rayon waits for its last parts by taking up whatever else there is to do. Where that is the end of another
+//! frame, ten times as long as the loop, those who wait for what follows it have nothing to do meanwhile.
 
 use rayon::Scope;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// Looks for the end of what others are at, before the thread lets others have its core; each takes some ten nanoseconds.
+/// Looks for the end of what others are at, before the thread lets others have its core; each takes some ten
+/// nanoseconds.
 const LOOKS: usize = 2000;
 /// So many are made once all is done: until the pool knows it, too.
 const LAST_LOOKS: usize = 20;
 
-/// Does `work` for each of `parts`, by this thread and by all of its pool that have nothing else to do. While others are still at their last part
-/// this one waits and takes up nothing, so that a part must not wait for anything.
+/// Does `work` for each of `parts`, by this thread and by all of its pool that have nothing else to do. While others
+/// are still at their last part this one waits and takes up nothing, so that a part must not wait for anything.
 pub fn for_each<T: Send>(parts: Vec<T>, work: impl Fn(T) + Sync) {
     for_each_init(parts, || (), |(), part| work(part));
 }
@@ -33,8 +34,8 @@ pub fn for_each_init<T: Send, S>(parts: Vec<T>, state: impl Fn() -> S + Sync, wo
     with_help(helpers, &take);
 }
 
-/// Lets this thread and so many others of its pool `take` parts until none is left. Not generic: what it makes of the pool is
-/// compiled once, and not for every loop.
+/// Lets this thread and so many others of its pool `take` parts until none is left. Not generic: what it makes of the
+/// pool is compiled once, and not for every loop.
 fn with_help(helpers: usize, take: &(dyn Fn() + Sync)) {
     if helpers == 0 {
         return take();

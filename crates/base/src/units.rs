@@ -13,7 +13,8 @@ pub trait Length: Copy + Clone + Debug + Send + Sync + 'static {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Px;
 
-/// Millimetres on the specimen: x to the right, y **up**, origin at the centre of the top-left pixel where there is an image.
+/// Millimetres on the specimen: x to the right, y **up**, origin at the centre of the top-left pixel where there is an
+/// image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Mm;
 
@@ -47,8 +48,8 @@ impl<U: Length> Vector<U> {
     }
 }
 
-/// The signs that the components of a vector take when it is told along the axes of [`Mm`] instead of those of [`Px`], or
-/// the other way round: y turns.
+/// The signs that the components of a vector take when it is told along the axes of [`Mm`] instead of those of [`Px`],
+/// or the other way round: y turns.
 pub const TURN: [f64; 2] = [1.0, -1.0];
 
 /// The scale of an image series, in millimetres per pixel.

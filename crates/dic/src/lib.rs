@@ -1,5 +1,5 @@
-//! Global Q4 digital image correlation of quadrille: backends that touch pixels, the correlator, synthetic images, and what can be
-//! measured on an image.
+//! Global Q4 digital image correlation of quadrille: backends that touch pixels, the correlator, synthetic images, and
+//! what can be measured on an image.
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used))]
 

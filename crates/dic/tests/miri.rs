@@ -1,5 +1,6 @@
-//! The engine on a few pixels, for Miri (scripts/miri.sh): whether the code that the compiler takes on trust (columns filtered side
-//! by side, taps read by one comparison) reads and writes only what is its own. Without Miri it runs in no time.
+//! The engine on a few pixels, for Miri (scripts/miri.sh): whether the code that the compiler takes on trust (columns
+//! filtered side by side, taps read by one comparison) reads and writes only what is its own. Without Miri it runs in
+//! no time.
 
 use quadrille_dic as quadrille;
 
@@ -23,8 +24,9 @@ fn waves(width: usize, height: usize, u: [f64; 2]) -> Arc<Image> {
 
 #[test]
 fn passes_over_a_few_pixels_read_what_is_there() {
-    // More than a strip of columns and an odd number of them; the whole image, of whose border some leaves it. No whole correlation:
-    // the factor of its matrix is of faer, which reads memory that it has not written (numbers that it then replaces).
+    // More than a strip of columns and an odd number of them; the whole image, of whose border some leaves it. No whole
+    // correlation: the factor of its matrix is of faer, which reads memory that it has not written (numbers that it
+    // then replaces).
     let (width, height) = (37, 17);
     let moved = [0.4, -0.3];
     let images = [waves(width, height, [0.0; 2]), waves(width, height, moved)];
@@ -46,8 +48,8 @@ fn passes_over_a_few_pixels_read_what_is_there() {
             (sums.ff - 2.0 * sums.fg + sums.gg) / sums.n
         };
         let (still, found) = (residual([0.0; 2]), residual(moved));
-        // Grey levels change by some 25 over half a pixel; interpolation of waves of 5 px leaves below one of them, but for the border,
-        // where the image is continued by itself.
+        // Grey levels change by some 25 over half a pixel; interpolation of waves of 5 px leaves below one of them, but
+        // for the border, where the image is continued by itself.
         assert!(still > 100.0 && found < 9.0, "{interpolation:?}: {still} at rest, {found} where it has moved");
     }
 }

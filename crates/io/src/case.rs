@@ -1,7 +1,8 @@
 //! Case files: what to correlate, what joint it is, what to find, as TOML. One kind of file for every command.
 //!
-//! [`CaseDocument`] is a file as it was read: the typed tree [`CaseFile`] with every section, and its text. A command takes its view
-//! of it, which refuses sections of others: [`CaseDocument::correlation`], [`CaseDocument::joint`], [`CaseDocument::run`].
+//! [`CaseDocument`] is a file as it was read: the typed tree [`CaseFile`] with every section, and its text. A command
+//! takes its view of it, which refuses sections of others: [`CaseDocument::correlation`], [`CaseDocument::joint`],
+//! [`CaseDocument::run`].
 
 mod crack_path;
 mod document;
@@ -46,8 +47,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Every section that a case file may have; what it does not say is `None` or empty, and left to the command line and the
-/// defaults.
+/// Every section that a case file may have; what it does not say is `None` or empty, and left to the command line and
+/// the defaults.
 ///
 /// ```
 /// # use quadrille_io as quadrille;
@@ -69,8 +70,9 @@ pub struct CaseFile {
     /// How to correlate.
     #[serde(default, skip_serializing_if = "is_default")]
     pub correlation: CaseCorrelation,
-    /// Zones of the reference image, in order: what lies in all of rectangle, polygon and mask, and in no excluded polygon.
-    /// One of `roi`, `polygon`, `exclude`, `mask`, `mesh` at least; without a zone the specimen is found in the reference.
+    /// Zones of the reference image, in order: what lies in all of rectangle, polygon and mask, and in no excluded
+    /// polygon. One of `roi`, `polygon`, `exclude`, `mask`, `mesh` at least; without a zone the specimen is found
+    /// in the reference.
     #[serde(rename = "zone", default, skip_serializing_if = "Vec::is_empty")]
     pub zones: Vec<CaseZone>,
     /// How quantities are drawn from the fields (docs/quantities.md).
@@ -93,7 +95,8 @@ pub struct CaseFile {
     /// What the program cannot know of the test, for the reporting table of `report.html`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub report: CaseReport,
-    /// Cracks and joints: paths along which the mesh is cut, given or found, with opening, sliding, tip and stress intensity along them.
+    /// Cracks and joints: paths along which the mesh is cut, given or found, with opening, sliding, tip and stress
+    /// intensity along them.
     #[serde(rename = "crack", default, skip_serializing_if = "Vec::is_empty")]
     pub cracks: Vec<CaseCrack>,
     /// Where the adhesive is in the images: between two zones.
@@ -130,8 +133,8 @@ pub struct CaseFile {
     pub output: Option<CaseJointOutput>,
     /// The displacements to fit: `file` or `store`; in `quadrille run` neither.
     pub measurement: Option<CaseMeasurement>,
-    /// The load cell (docs/identification.md): fitted with the displacements or alone; with `use = false`, or without a
-    /// fit, compared with the prediction.
+    /// The load cell (docs/identification.md): fitted with the displacements or alone; with `use = false`, or without
+    /// a fit, compared with the prediction.
     pub force: Option<CaseForce>,
     /// What is fitted, from where, and the uncertainties of constants (docs/identification.md).
     pub fit: Option<CaseFit>,

@@ -88,8 +88,8 @@ pub struct DisplacementRow {
     pub px: NodeValues,
     /// The strain, when the table has it and it is known at this node.
     pub strain: Option<TensorStrain>,
-    /// The strain over a window of nodes with the standard uncertainty of exx, eyy and exy, when the table has it and it is
-    /// known at this node.
+    /// The strain over a window of nodes with the standard uncertainty of exx, eyy and exy, when the table has it and
+    /// it is known at this node.
     pub window_strain: Option<(TensorStrain, [f64; 3])>,
     /// What each component of the displacement may be off beyond noise, px, when the table has it.
     pub model_error_px: Option<[f64; 2]>,
@@ -104,14 +104,14 @@ pub struct DisplacementRow {
 /// Writes the measured nodes of `measurement`, a row each, under the comment lines `header`.
 ///
 /// The columns are `node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px`, with a `strain` also
-/// `exx,eyy,exy` (without dimension; empty where it is not known), with a window of nodes these again over the window with
-/// their standard uncertainty (`exx_window` to `sigma_exy_window`), and with a `pixel_size` the six in px again
+/// `exx,eyy,exy` (without dimension; empty where it is not known), with a window of nodes these again over the window
+/// with their standard uncertainty (`exx_window` to `sigma_exy_window`), and with a `pixel_size` the six in px again
 /// in mm; where they are known, `model_error_ux_px,model_error_uy_px` stand behind, then
-/// `ux_point_px,uy_point_px,sigma_ux_point_px,sigma_uy_point_px,is_point_value`, the displacement as a value at the point
-/// ([`PointField`](crate::field::PointField)), and `mark` last, the name of what is the
-/// matter with an element of the node ([`ElementMark`]). Numbers are the shortest that read back to the same bits: of 64 for positions and displacements, of
-/// 32 for standard uncertainties and strains. The frame is that of the image in both units: x to the right,
-/// **y down**. Nodes are numbered from 0; one that was not measured has no row.
+/// `ux_point_px,uy_point_px,sigma_ux_point_px,sigma_uy_point_px,is_point_value`, the displacement as a value at the
+/// point ([`PointField`](crate::field::PointField)), and `mark` last, the name of what is the
+/// matter with an element of the node ([`ElementMark`]). Numbers are the shortest that read back to the same bits: of
+/// 64 for positions and displacements, of 32 for standard uncertainties and strains. The frame is that of the image in
+/// both units: x to the right, **y down**. Nodes are numbered from 0; one that was not measured has no row.
 ///
 /// ```
 /// # use quadrille_io as quadrille;

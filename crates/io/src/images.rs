@@ -29,7 +29,8 @@ pub struct Loaded {
     pub pages: usize,
     /// The largest grey level that the file can hold, in the scale of the image; 1 for a file of floats.
     pub white: f32,
-    /// When it was taken by the clock of the camera, `2024-05-01T10:11:12.25`, where the file says so (EXIF, or the time of a TIFF page).
+    /// When it was taken by the clock of the camera, `2024-05-01T10:11:12.25`, where the file says so (EXIF, or the
+    /// time of a TIFF page).
     pub taken: Option<String>,
 }
 
@@ -237,7 +238,8 @@ impl PagedFile {
         Ok(Self { path, bytes, format, pages: None, sha256: None })
     }
 
-    /// The pages that are images of their own (no thumbnails of others); the first is 0. A file that is no TIFF has one.
+    /// The pages that are images of their own (no thumbnails of others); the first is 0. A file that is no TIFF has
+    /// one.
     ///
     /// # Errors
     /// A TIFF file whose list of pages is damaged.

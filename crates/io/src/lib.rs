@@ -1,7 +1,8 @@
-//! Files: images, series of images, folders that a camera writes into, case files, load files, the store of a run, tables, VTK, NumPy and MATLAB.
+//! Files: images, series of images, folders that a camera writes into, case files, load files, the store of a run,
+//! tables, VTK, NumPy and MATLAB.
 
-// What others have written must not end the program: nothing here panics on a file, and what cannot be says why. (tests/commands/fuzz.rs
-// and fuzz/ try.)
+// What others have written must not end the program: nothing here panics on a file, and what cannot be says why.
+// (tests/commands/fuzz.rs and fuzz/ try.)
 #![cfg_attr(
     not(test),
     deny(

@@ -89,8 +89,8 @@ impl LoadTable {
         }
     }
 
-    /// The column of forces called `name`, with or without its unit; without a name the only one in N, of several that named
-    /// `load` or `force`.
+    /// The column of forces called `name`, with or without its unit; without a name the only one in N, of several that
+    /// named `load` or `force`.
     ///
     /// # Errors
     /// [`LoadError::NoForce`].
@@ -140,8 +140,8 @@ pub fn read_record(path: &Path, time: &str, times: &FrameTimes) -> Result<LoadTa
     parse_record(&text_of(path)?, path, time, times)
 }
 
-/// Reads the times of `n_frames` deformed images from the file `path`: a row per image as a load file has it; taken is the
-/// column named `time`, `timestamp` or `t`, or the only one. Clock times are understood.
+/// Reads the times of `n_frames` deformed images from the file `path`: a row per image as a load file has it; taken is
+/// the column named `time`, `timestamp` or `t`, or the only one. Clock times are understood.
 ///
 /// # Errors
 /// A file that cannot be read, without such a column, or with another number of rows.
@@ -151,12 +151,13 @@ pub fn read_frame_times(path: &Path, n_frames: usize) -> Result<FrameTimes, Load
 
 /// The load file with the content `text`; `path` stands in messages.
 ///
-/// A header with a unit at the end of each name (`load_N`, `load [N]` or `load (N)`; `_1` or `[-]` for none), or names and in
-/// the line below them their units; then one row per image. Columns are separated by `,`, `;` or tabs; where they are not
-/// separated by `,`, numbers may have a decimal comma. Lines that begin with `#` and empty lines are passed over; an empty cell
-/// is a value that is not known. Forces, lengths, times and stresses become N, mm, s and MPa ([`LoadTable::remarks`] says from
-/// what). A column `frame` gives the number of the deformed image, from 1 (0, the reference, is passed over), in any
-/// order and with gaps; without it, rows are the deformed images in order, or all images with the reference first.
+/// A header with a unit at the end of each name (`load_N`, `load [N]` or `load (N)`; `_1` or `[-]` for none), or names
+/// and in the line below them their units; then one row per image. Columns are separated by `,`, `;` or tabs; where
+/// they are not separated by `,`, numbers may have a decimal comma. Lines that begin with `#` and empty lines are
+/// passed over; an empty cell is a value that is not known. Forces, lengths, times and stresses become N, mm, s and MPa
+/// ([`LoadTable::remarks`] says from what). A column `frame` gives the number of the deformed image, from 1 (0, the
+/// reference, is passed over), in any order and with gaps; without it, rows are the deformed images in order, or all
+/// images with the reference first.
 ///
 /// ```
 /// # use quadrille_io as quadrille;
@@ -188,8 +189,8 @@ pub fn parse_load(text: &str, path: &Path, n_frames: usize) -> Result<LoadTable,
     Ok(LoadTable { columns: columns.collect(), remarks: table.remarks.clone() })
 }
 
-/// The record with the content `text` at the times of the frames: between its rows every column is interpolated linearly. A
-/// frame outside the record, or beside a cell that is empty, has no value; [`LoadTable::remarks`] says so.
+/// The record with the content `text` at the times of the frames: between its rows every column is interpolated
+/// linearly. A frame outside the record, or beside a cell that is empty, has no value; [`LoadTable::remarks`] says so.
 ///
 /// The column `time` (by its name with or without unit) is in s, ms, min or h, or holds clock times (`10:31:05.20`,
 /// `2024-05-07 10:31:05`); it does not fall. It becomes the time of each frame.

@@ -75,8 +75,8 @@ pub enum MaskError {
 }
 
 /// Reads the image file `path` as the mask of an image of `width` x `height` px: pixels above half of the largest
-/// grey level that the file can hold are measured. Any depth and kind of image that [`read_image`](super::images::read_image) reads; of colours
-/// the luminance counts.
+/// grey level that the file can hold are measured. Any depth and kind of image that
+/// [`read_image`](super::images::read_image) reads; of colours the luminance counts.
 ///
 /// # Errors
 /// A file that is no image, has another size, is black everywhere, or is mostly grey.

@@ -72,8 +72,8 @@ fn finished() -> io::Error {
 }
 
 impl<W: Write + Seek> Drop for NpzWriter<W> {
-    /// A file that was not finished gets no end: the crate would write one, also where the disk has just refused, and takes the place at which
-    /// it then is for an impossible one.
+    /// A file that was not finished gets no end: the crate would write one, also where the disk has just refused, and
+    /// takes the place at which it then is for an impossible one.
     fn drop(&mut self) {
         std::mem::forget(self.zip.take());
     }
@@ -89,8 +89,8 @@ fn type_word(number: Number) -> &'static str {
     }
 }
 
-/// The arrays of a `.npz` file that [`NpzWriter`] wrote, by name, each as one list; no texts. All of the file is checked:
-/// what was changed or cut is no result.
+/// The arrays of a `.npz` file that [`NpzWriter`] wrote, by name, each as one list; no texts. All of the file is
+/// checked: what was changed or cut is no result.
 ///
 /// ```
 /// # use quadrille_io as quadrille;

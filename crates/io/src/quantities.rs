@@ -21,10 +21,11 @@ pub const QUANTITY_TABLES: [&str; 8] =
 
 /// Writes the quantities of a series frame by frame, and keeps what is needed to draw them against load or time.
 ///
-/// Up to eight tables, those that are asked for: `points`, `lines`, `extensometers`, `openings` (a row for each point of
-/// each joint), `openings_mean`, `rigid_motions`, `cracks` (a row for each place of each crack), `crack_tips`. Every row begins with `frame,status` and the columns of the load file.
-/// Lengths are in px; with a pixel size every column `_px` has a twin in mm at the end of the row. A value that
-/// does not exist (outside the mesh, not measured, frame without field) is an empty cell.
+/// Up to eight tables, those that are asked for: `points`, `lines`, `extensometers`, `openings` (a row for each point
+/// of each joint), `openings_mean`, `rigid_motions`, `cracks` (a row for each place of each crack), `crack_tips`. Every
+/// row begins with `frame,status` and the columns of the load file. Lengths are in px; with a pixel size every column
+/// `_px` has a twin in mm at the end of the row. A value that does not exist (outside the mesh, not measured, frame
+/// without field) is an empty cell.
 pub struct QuantityTables<'a, W: Write> {
     quantities: &'a Quantities,
     load: &'a LoadTable,

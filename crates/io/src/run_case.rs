@@ -144,8 +144,8 @@ impl CaseDocument {
 }
 
 impl RunCase {
-    /// The case of the joint for `quadrille identify` (or, without `[measurement]` and `[fit]`, `quadrille simulate`) when the
-    /// correlation's store is at `store`, relative to the folder of that case.
+    /// The case of the joint for `quadrille identify` (or, without `[measurement]` and `[fit]`, `quadrille simulate`)
+    /// when the correlation's store is at `store`, relative to the folder of that case.
     pub fn joint_case(&self, store: &str, with_fit: bool) -> String {
         let mut case = self.joint.clone();
         case.force = case.force.map(|force| self.force_from_anywhere(force));

@@ -231,8 +231,8 @@ fn matches(entry: &str, base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
     Ok(files)
 }
 
-/// Whether a wildcard of `pattern` stands for a name with a dot at its beginning on the way to `file`. Such files are not meant:
-/// some systems lay a `._img_001.tif` beside every image.
+/// Whether a wildcard of `pattern` stands for a name with a dot at its beginning on the way to `file`. Such files are
+/// not meant: some systems lay a `._img_001.tif` beside every image.
 fn is_hidden(file: &Path, pattern: &str) -> bool {
     let dotted = |name: &str| name.starts_with('.') && name != "." && name != "..";
     let asked: Vec<&str> = pattern.split(std::path::is_separator).filter(|name| dotted(name)).collect();
@@ -257,8 +257,8 @@ fn not_text(found: &[PathBuf], pattern: &str) -> Option<PathBuf> {
     entries.map(|entry| entry.path()).find(|path| path.file_name().is_some_and(lost))
 }
 
-/// The order of the files of a series: component by component, numbers by value, whatever their leading zeros; ties by the
-/// plain order.
+/// The order of the files of a series: component by component, numbers by value, whatever their leading zeros; ties by
+/// the plain order.
 pub fn natural_order(a: &Path, b: &Path) -> Ordering {
     let natural = |(a, b): (std::path::Component, std::path::Component)| {
         alphanumeric_sort::compare_str(a.as_os_str().to_string_lossy(), b.as_os_str().to_string_lossy())

@@ -492,8 +492,8 @@ fn photometric_name(code: u64) -> &'static str {
 
 /// All samples of the first page of `bytes`, as stored: `unpacked` bytes.
 fn unpack_strips(bytes: &[u8], unpacked: usize) -> Result<DecodingResult, ImageFault> {
-    // The decoder's own limits are for smaller images. The samples were checked against the file; a list of numbers, of which
-    // the decoder holds each in some tens of bytes, is no longer than the file either, whatever it claims.
+    // The decoder's own limits are for smaller images. The samples were checked against the file; a list of numbers, of
+    // which the decoder holds each in some tens of bytes, is no longer than the file either, whatever it claims.
     let mut limits = Limits::unlimited();
     limits.decoding_buffer_size = unpacked.max(bytes.len().saturating_mul(64)).max(1 << 16);
     let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(problem)?.with_limits(limits);

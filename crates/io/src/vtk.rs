@@ -36,16 +36,16 @@ pub enum VtkError {
 /// Points are the nodes at `(x, y, 0)`, in px and with **y down** as in the image (in ParaView, turn the
 /// view about x by 180 degrees to see it as the image). Point data: `displacement_px` and `sigma_px`
 /// (three components, z zero) and `measured`, 1 or 0: a node that was not measured stays in the file
-/// with displacement zero and is hidden, as are its elements, by `vtkGhostType` of points (2) and cells (32), so that warping
-/// closes no hole. Cell data: `residual_grey`, the root mean square
+/// with displacement zero and is hidden, as are its elements, by `vtkGhostType` of points (2) and cells (32), so that
+/// warping closes no hole. Cell data: `residual_grey`, the root mean square
 /// of `f - g` in grey levels; `residual_percent`, the same in per cent of `dynamic_range` (grey levels);
-/// and `zone`, numbered from 0. Where they are known, `model_error_px` of the nodes beside `sigma_px`, and `misfit_px` of the
-/// elements ([`crate::field::ModelError`]); `displacement_point_px`, `sigma_point_px` and `is_point_value`, the displacement as a
-/// value at the point ([`crate::field::PointField`]) beside the coefficient `displacement_px`; and `mark` of both, what is the matter with an element ([`ElementMark::code`]).
-/// With a `strain`, `strain_node` and `strain_element`: three components exx,
-/// eyy, exy without dimension, NaN where they are not known; with one over a window of nodes `strain_window` and
-/// `sigma_strain_window` of the nodes. Field data: `converged`, 1 or 0, `status_code` ([`Status::code`]),
-/// and `dynamic_range_grey`. A comment at
+/// and `zone`, numbered from 0. Where they are known, `model_error_px` of the nodes beside `sigma_px`, and `misfit_px`
+/// of the elements ([`crate::field::ModelError`]); `displacement_point_px`, `sigma_point_px` and `is_point_value`, the
+/// displacement as a value at the point ([`crate::field::PointField`]) beside the coefficient `displacement_px`; and
+/// `mark` of both, what is the matter with an element ([`ElementMark::code`]). With a `strain`, `strain_node` and
+/// `strain_element`: three components exx, eyy, exy without dimension, NaN where they are not known; with one over a
+/// window of nodes `strain_window` and `sigma_strain_window` of the nodes. Field data: `converged`, 1 or 0,
+/// `status_code` ([`Status::code`]), and `dynamic_range_grey`. A comment at
 /// the head holds `title`, status, units and zone names.
 ///
 /// # Errors

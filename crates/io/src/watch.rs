@@ -105,8 +105,8 @@ pub struct WatchedFolder {
 }
 
 impl WatchedFolder {
-    /// The folder `path`, of which the files whose names fit `pattern` are taken (without one, those that end like an image)
-    /// once they have been the same for `settle`. Hidden files are never meant.
+    /// The folder `path`, of which the files whose names fit `pattern` are taken (without one, those that end like an
+    /// image) once they have been the same for `settle`. Hidden files are never meant.
     ///
     /// # Errors
     /// No such folder, a pattern that is not one of names.
@@ -223,8 +223,9 @@ impl WatchedFolder {
     }
 }
 
-/// Reads a frame whose file has settled, and makes sure that it was whole: an image that cannot be decoded, or whose file
-/// changes meanwhile, is read again when it has been the same for `settle` anew. None when it is not `wanted` any more.
+/// Reads a frame whose file has settled, and makes sure that it was whole: an image that cannot be decoded, or whose
+/// file changes meanwhile, is read again when it has been the same for `settle` anew. None when it is not `wanted` any
+/// more.
 ///
 /// What has not become an image in ten times that since its last change has the error of the last attempt.
 pub fn read_whole(

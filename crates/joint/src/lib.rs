@@ -1,4 +1,5 @@
-//! The models of quadrille: the mechanics of bonded joints, and the identification of their cohesive law from measured fields.
+//! The models of quadrille: the mechanics of bonded joints, and the identification of their cohesive law from measured
+//! fields.
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used))]
 

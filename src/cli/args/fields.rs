@@ -105,7 +105,13 @@ pub struct ProbeArgs {
     )]
     pub line: Vec<[f64; 4]>,
     /// Distance of the points of lines, px. Default: a quarter of the element size.
-    #[arg(id = "line.step_px", long = "step", value_name = "PX", allow_hyphen_values = true, help_heading = "Quantities")]
+    #[arg(
+        id = "line.step_px",
+        long = "step",
+        value_name = "PX",
+        allow_hyphen_values = true,
+        help_heading = "Quantities"
+    )]
     pub step: Option<f64>,
     /// An extensometer from one point to another, px: elongation and strain. Repeat it for several.
     #[arg(
@@ -241,12 +247,13 @@ pub struct FiguresArgs {
     /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
     #[arg(long, value_name = "1,5-20|last|all", default_value = "last")]
     pub frames: Frames,
-    /// What to draw: ux, uy, exx, eyy, exy, exx-window, eyy-window, exy-window, residual, residual-percent, sigma, model-error, misfit, mesh,
-    /// deformed, register.
+    /// What to draw: ux, uy, exx, eyy, exy, exx-window, eyy-window, exy-window, residual, residual-percent, sigma,
+    /// model-error, misfit, mesh, deformed, register.
     /// Default ux,uy,exx,eyy,exy,residual, with a strain window those over it as well.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub quantity: Vec<Figure>,
-    /// Kinds of file: png, svg; of a whole series gif, apng, mp4 (by the program ffmpeg), with the same colours in all frames.
+    /// Kinds of file: png, svg; of a whole series gif, apng, mp4 (by the program ffmpeg), with the same colours in all
+    /// frames.
     #[arg(long, value_name = "png,svg,gif,apng,mp4", value_delimiter = ',', default_value = "png")]
     pub format: Vec<FileKind>,
     /// A line, px: shown in the maps, and each quantity drawn along it with a band of 2 standard uncertainties.
@@ -268,7 +275,8 @@ pub struct FiguresArgs {
     /// Definition of the strains. Default: that of the run.
     #[arg(long, value_name = "infinitesimal|green-lagrange|hencky", help_heading = "Output")]
     pub strain: Option<StrainDefinition>,
-    /// Nodes along a side of the window of exx-window, eyy-window and exy-window, odd; 1: none. Default: that of the run.
+    /// Nodes along a side of the window of exx-window, eyy-window and exy-window, odd; 1: none. Default: that of the
+    /// run.
     #[arg(long, value_name = "N", allow_negative_numbers = true, help_heading = "Output")]
     pub strain_window: Option<u32>,
     /// Strains of elements or of nodes.
@@ -302,7 +310,8 @@ pub struct FiguresArgs {
     along a line, gauges over all frames. Keys: arrows and space (frames), q (quantity), v p g m (what the pointer does), + - 0 \
     (zoom). The report.html of a run has the same in one of its sections. Exit status: 0 fine; 1 some frame named by --frames has no field; 2 nothing could be shown.")]
 pub struct ViewArgs {
-    /// Folder of a run of `quadrille correlate` or `quadrille run`, which may still go on, or of `quadrille metrology`.
+    /// Folder of a run of `quadrille correlate` or `quadrille run`, which may still go on, or of `quadrille
+    /// metrology`.
     #[arg(value_name = "DIR")]
     pub run: PathBuf,
     /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
@@ -352,8 +361,8 @@ pub struct MetrologyArgs {
     /// Element sizes to try, px (4 to 128). Default: those of 6,8,12,16,24,32,48,64 that fit.
     #[arg(long, value_name = "PX,PX..", value_delimiter = ',', allow_hyphen_values = true)]
     pub element_sizes: Option<Vec<i64>>,
-    /// Windows of the virtual strain gauges to try beside the element itself, nodes along a side, odd. Default: those of
-    /// 3,5,7,9,11 that fit.
+    /// Windows of the virtual strain gauges to try beside the element itself, nodes along a side, odd. Default: those
+    /// of 3,5,7,9,11 that fit.
     #[arg(long, value_name = "N,N..", value_delimiter = ',', allow_negative_numbers = true)]
     pub strain_windows: Option<Vec<u32>>,
     /// Standard deviation of the noise of one image, grey levels. Default: measured on the static images;
@@ -369,7 +378,8 @@ pub struct MetrologyArgs {
     /// Recommend the largest elements that resolve waves of this period at 90 % of their amplitude, px.
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub resolve_period: Option<f64>,
-    /// Folder for metrology.json, strain_gauges.csv and the figures; made when it is not there, an earlier one is replaced.
+    /// Folder for metrology.json, strain_gauges.csv and the figures; made when it is not there, an earlier one is
+    /// replaced.
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
     /// Seed of the noise that is added to copies of the image.

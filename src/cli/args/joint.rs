@@ -18,8 +18,8 @@ use std::path::PathBuf;
 \
     run; 130 Ctrl-C or SIGTERM: what is done is kept, the best point of the fit too.")]
 pub struct RunArgs {
-    /// The case file (TOML): [images], [correlation], two [[zone]], [interface], [substrate], [cohesive], [measurement],
-    /// [fit]. Names of files in it are relative to its folder.
+    /// The case file (TOML): [images], [correlation], two [[zone]], [interface], [substrate], [cohesive],
+    /// [measurement], [fit]. Names of files in it are relative to its folder.
     #[arg(value_name = "CASE.toml")]
     pub case: PathBuf,
     /// Folder for the results; made when it is not there.
@@ -102,8 +102,9 @@ pub struct SimulateArgs {
     Exit status: 0 all fits converged, and the data leave a law; 1 one did not, the best point so far is kept; or the\n\
     data reject all laws; 2 it could not run; 130 Ctrl-C or SIGTERM, the best point so far is kept.")]
 pub struct IdentifyArgs {
-    /// The case file (TOML): the tables of `quadrille simulate` with [measurement] and [fit]; or [[test]] tables, each with
-    /// the case of one test, beside the [fit] that all share. Names of files in it are relative to its folder.
+    /// The case file (TOML): the tables of `quadrille simulate` with [measurement] and [fit]; or [[test]] tables, each
+    /// with the case of one test, beside the [fit] that all share. Names of files in it are relative to its
+    /// folder.
     #[arg(value_name = "CASE.toml")]
     pub case: PathBuf,
     /// Fit once for each value of a parameter that is prescribed. Alone: the table [fit.sweep] of the case. A limit of
@@ -111,8 +112,8 @@ pub struct IdentifyArgs {
     #[arg(long, value_name = "NAME=X,X,...", num_args = 0..=1, value_parser = sweep,
         conflicts_with_all = ["tournament", "progress"])]
     pub sweep: Option<Option<Prescribed>>,
-    /// Experimental: fit several laws and compare them. The law of the case starts the others. Alone: [fit] laws of the
-    /// case.
+    /// Experimental: fit several laws and compare them. The law of the case starts the others. Alone: [fit] laws of
+    /// the case.
     #[arg(long, value_name = "LAW,LAW,...", num_args = 0..=1, value_delimiter = ',', value_parser = law)]
     pub tournament: Option<Vec<String>>,
     #[command(flatten)]

@@ -51,8 +51,8 @@ pub struct BenchArgs {
 /// What else `quadrille bench` measures.
 #[derive(Debug, Subcommand)]
 pub enum BenchWhat {
-    /// A whole series, from image files to the store: frames per second, the share of each stage, and how close that is to
-    /// what decoding and correlation alone allow.
+    /// A whole series, from image files to the store: frames per second, the share of each stage, and how close that is
+    /// to what decoding and correlation alone allow.
     Series(BenchSeriesArgs),
 }
 
@@ -88,11 +88,12 @@ pub struct BenchSeriesArgs {
     /// Side of the square elements, px (4 to 128).
     #[arg(long, value_name = "PX", default_value_t = 16)]
     pub element_size: usize,
-    /// Elements left out at each side of the image. With 0 those at the border lose pixels in every frame, which costs.
+    /// Elements left out at each side of the image. With 0 those at the border lose pixels in every frame, which
+    /// costs.
     #[arg(long, value_name = "N", default_value_t = 2)]
     pub margin: u8,
-    /// Device: auto, cpu, gpu, the number of an adapter, or part of its name; or instant, which answers at once and measures nothing: what is left
-    /// is the work of the host, which no graphics card makes faster.
+    /// Device: auto, cpu, gpu, the number of an adapter, or part of its name; or instant, which answers at once and
+    /// measures nothing: what is left is the work of the host, which no graphics card makes faster.
     #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX|instant", env = "QUADRILLE_DEVICE", default_value = "auto")]
     pub device: String,
     #[command(flatten)]
@@ -100,8 +101,8 @@ pub struct BenchSeriesArgs {
     /// Print the figures as JSON.
     #[arg(long)]
     pub json: bool,
-    /// Where images and results are kept while it runs, such as a folder on the disk to be measured. Default: the system's
-    /// folder for temporary files.
+    /// Where images and results are kept while it runs, such as a folder on the disk to be measured. Default: the
+    /// system's folder for temporary files.
     #[arg(long, value_name = "DIR")]
     pub folder: Option<PathBuf>,
 }

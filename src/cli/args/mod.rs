@@ -87,7 +87,8 @@ pub enum Command {
     Identify(IdentifyArgs),
     /// From images to the law of an adhesive: correlate, identify, report; from one case file.
     Run(RunArgs),
-    /// Make something to begin with: speckle images, a virtual test, a specimen, a page to draw zones on; repeat the paper.
+    /// Make something to begin with: speckle images, a virtual test, a specimen, a page to draw zones on; repeat the
+    /// paper.
     Make(MakeArgs),
     /// About the program: devices, keys of case files, commands, completions for shells, pages of `man`, licences.
     About(AboutArgs),

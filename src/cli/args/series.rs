@@ -108,8 +108,8 @@ pub struct CorrelateArgs {
     none came; 2 nothing could be run; 130 Ctrl-C or SIGTERM left frames that were taken undone."
 )]
 pub struct WatchArgs {
-    /// Names of the files that are taken: a quoted glob. Default: those that end like an image (tif, tiff, btf, png, bmp,
-    /// jpg, jpeg, pgm, ppm, pnm). Hidden files never are.
+    /// Names of the files that are taken: a quoted glob. Default: those that end like an image (tif, tiff, btf, png,
+    /// bmp, jpg, jpeg, pgm, ppm, pnm). Hidden files never are.
     #[arg(long, value_name = "GLOB", help_heading = "Input")]
     pub pattern: Option<String>,
     /// A file is taken when it has not changed for this long. Give more for network folders, which show changes late.

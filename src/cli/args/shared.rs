@@ -37,8 +37,8 @@ pub struct Quiet {
 #[derive(Debug, Clone, Copy, Default, Args)]
 #[command(next_help_heading = "Output")]
 pub struct Drawn {
-    /// What figures are made for: screen; paper (about 84 mm wide, letters of 8 pt, no title, notes in the description of the SVG); slide
-    /// (large letters, no notes).
+    /// What figures are made for: screen; paper (about 84 mm wide, letters of 8 pt, no title, notes in the description
+    /// of the SVG); slide (large letters, no notes).
     #[arg(long, value_name = "screen|paper|slide", default_value = "screen")]
     style: Look,
 }
@@ -66,7 +66,8 @@ pub struct Results {
 #[derive(Debug, Clone, Copy, Default, Args)]
 #[command(next_help_heading = "Fit")]
 pub struct FitLimits {
-    /// End the fit after this time at the best point so far: the result says so. Default: [fit] max_seconds, or no limit.
+    /// End the fit after this time at the best point so far: the result says so. Default: [fit] max_seconds, or no
+    /// limit.
     #[arg(long, value_name = "SECONDS", value_parser = positive_seconds, allow_hyphen_values = true)]
     pub max_seconds: Option<f64>,
     /// End it after this many forward runs from one start. Default: [fit] max_evaluations, or 100.

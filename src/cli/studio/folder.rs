@@ -26,8 +26,8 @@ pub(super) struct Listed {
     path: PathBuf,
 }
 
-/// The images in `folder` and in the folders in it, but for those of results, in natural order. What lies elsewhere and is
-/// only linked is left out.
+/// The images in `folder` and in the folders in it, but for those of results, in natural order. What lies elsewhere and
+/// is only linked is left out.
 pub(super) fn images(folder: &Path, output: &Path) -> Vec<Listed> {
     let mut found = in_folder(folder, folder);
     for path in entries(folder) {

@@ -1,7 +1,7 @@
 //! Requests of a browser on this machine, each on a thread of its own, and who may make them.
 //!
-//! Only addresses that begin with the token are answered, only under a name of this machine, and never on behalf of a page that
-//! came from elsewhere.
+//! Only addresses that begin with the token are answered, only under a name of this machine, and never on behalf of a
+//! page that came from elsewhere.
 
 use http_body_util::{BodyExt, Full, Limited};
 use hyper::body::{Bytes, Incoming};

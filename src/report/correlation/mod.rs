@@ -1,4 +1,5 @@
-//! The report of a series of correlations: what was measured, how far it can be trusted, and what a paper must say of it.
+//! The report of a series of correlations: what was measured, how far it can be trusted, and what a paper must say of
+//! it.
 
 mod fields;
 mod gauge;

@@ -7,7 +7,8 @@ use std::io::{self, Write};
 /// So many of its largest parts are named for each parameter.
 const NAMED: usize = 3;
 
-/// For each parameter the largest parts of its uncertainty, per cent of its value: `phi_n: E 2.6 %, pixel_size 0.5 %, noise 0.5 %`.
+/// For each parameter the largest parts of its uncertainty, per cent of its value: `phi_n: E 2.6 %, pixel_size 0.5 %,
+/// noise 0.5 %`.
 pub fn budget_lines(fit: &FitRecord) -> Vec<String> {
     let largest_of = |name: &Name| {
         let value = fit.parameters.get(name)?.value.abs();
@@ -27,7 +28,8 @@ fn short(value: f64) -> String {
     format!("{value:.3}").trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// The defaults that were taken for constants without a stated uncertainty, and what no default could be made for, a sentence each.
+/// The defaults that were taken for constants without a stated uncertainty, and what no default could be made for, a
+/// sentence each.
 pub fn defaults_used(fit: &FitRecord) -> Vec<String> {
     let uncertainty = |line: &BudgetRecord| match (line.std, line.value) {
         (Some(std), Some(value)) if line.name == "nu" || line.name.starts_with("nu_") || value == 0.0 => {
@@ -58,8 +60,8 @@ pub fn defaults_used(fit: &FitRecord) -> Vec<String> {
 }
 
 impl FitReport<'_> {
-    /// Writes `budget.csv`: of each line what one standard uncertainty does to each parameter and derived quantity, in its unit;
-    /// NaN where there is nothing.
+    /// Writes `budget.csv`: of each line what one standard uncertainty does to each parameter and derived quantity, in
+    /// its unit; NaN where there is nothing.
     ///
     /// # Errors
     /// Those of `out`.

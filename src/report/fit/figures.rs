@@ -7,8 +7,8 @@ use crate::report::law_plot::{MODES, law_plot};
 use crate::report::{Axis, Picture, Plot, PlotSeries, ReportError, Style};
 
 impl FitReport<'_> {
-    /// Draws the history of the fit, the parameters, the law and the tractions at the `chosen` instants (from 1), each with
-    /// its 95 % band; `save` is called with the name (without ending) of each picture.
+    /// Draws the history of the fit, the parameters, the law and the tractions at the `chosen` instants (from 1), each
+    /// with its 95 % band; `save` is called with the name (without ending) of each picture.
     ///
     /// # Errors
     /// A picture without a finite range, and what `save` refuses.

@@ -24,8 +24,8 @@ pub struct FitRecord {
     pub status: Name,
     /// In words.
     pub reason: String,
-    /// Whether a limit of time or a wish to stop ended it, or what comes after it (intervals, tests): the verdict says what is
-    /// missing.
+    /// Whether a limit of time or a wish to stop ended it, or what comes after it (intervals, tests): the verdict says
+    /// what is missing.
     #[serde(default)]
     pub cut_short: bool,
     /// Time of the fit, all starts, without files.
@@ -88,8 +88,8 @@ pub struct FitRecord {
     pub released: Option<ReleasedRecord>,
     /// The error budget: what noise, each constant and the size of the elements add to the intervals.
     pub budget: Vec<BudgetRecord>,
-    /// What finite rotations would change of each parameter of a fit with small ones, to first order; without it they are finite,
-    /// or it is not known.
+    /// What finite rotations would change of each parameter of a fit with small ones, to first order; without it they
+    /// are finite, or it is not known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub change_by_finite_rotations: Option<BTreeMap<Name, f64>>,
     /// The load cell beside the prediction, where there is one.
@@ -98,11 +98,12 @@ pub struct FitRecord {
     /// The profile likelihood, where it was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<ProfileRecord>,
-    /// The tests of a fit of several, in the order of the case: what each tells. Parameters, budget and verdict are those of all.
+    /// The tests of a fit of several, in the order of the case: what each tells. Parameters, budget and verdict are
+    /// those of all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tests: Vec<TestRecord>,
-    /// Whether several tests want the same parameters; missing for one test, where the noise is not known, and where no two tests tell
-    /// the same.
+    /// Whether several tests want the same parameters; missing for one test, where the noise is not known, and where
+    /// no two tests tell the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub consistency: Option<ConsistencyRecord>,
     /// What a user should look at.
@@ -244,8 +245,8 @@ pub struct IntervalsRecord {
     pub kind: Name,
     /// Why linear theory may not describe what the noise does; empty when nothing speaks against it.
     pub doubts: Vec<String>,
-    /// Even and odd part of what a pair of opposite draws of the noise does to each scaled parameter beyond linear theory, in
-    /// standard uncertainties; null where that was not computed.
+    /// Even and odd part of what a pair of opposite draws of the noise does to each scaled parameter beyond linear
+    /// theory, in standard uncertainties; null where that was not computed.
     pub probe: Option<[Vec<f64>; 2]>,
     /// Refits of the bootstrap; 0 without one.
     pub draws: usize,

@@ -1,4 +1,5 @@
-//! What a small change of each parameter does to the law and along the joint: `law-sensitivities.csv`, `joint-sensitivities.csv`.
+//! What a small change of each parameter does to the law and along the joint: `law-sensitivities.csv`,
+//! `joint-sensitivities.csv`.
 
 use super::FitReport;
 use super::tables::{names, notes, rows_of};
@@ -63,8 +64,8 @@ impl FitReport<'_> {
         write_table(out, &notes(about), &columns, rows.into_iter())
     }
 
-    /// Writes `joint-sensitivities.csv`: jumps and tractions along the joint, and their derivatives by each parameter while the
-    /// prescribed displacements stay.
+    /// Writes `joint-sensitivities.csv`: jumps and tractions along the joint, and their derivatives by each parameter
+    /// while the prescribed displacements stay.
     ///
     /// # Errors
     /// Those of `out`.

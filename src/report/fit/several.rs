@@ -7,7 +7,8 @@ use crate::io::joint::write_table;
 use crate::report::Name;
 use std::io::{self, Write};
 
-/// What `fit.json` holds of a fit of several tests, whose `reports` are those of each; the fit of the case file `path` took `seconds`.
+/// What `fit.json` holds of a fit of several tests, whose `reports` are those of each; the fit of the case file `path`
+/// took `seconds`.
 ///
 /// # Panics
 /// When there is no report.

@@ -10,8 +10,8 @@ use crate::report::words::significant;
 use crate::report::{Axis, Plot, PlotSeries, ReportError, Style};
 use crate::units::{PixelSize, Px, Vector};
 
-/// Measured displacement of a node at instant `at` (from 0) of `joint`, mm with y up, less the rigid motion where that was removed; `None`
-/// where none was measured.
+/// Measured displacement of a node at instant `at` (from 0) of `joint`, mm with y up, less the rigid motion where that
+/// was removed; `None` where none was measured.
 pub fn measured_mm(
     field: &Measurement<Px>,
     scale: PixelSize,

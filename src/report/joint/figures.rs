@@ -19,8 +19,8 @@ impl JointReport<'_> {
         chosen
     }
 
-    /// Draws the deformed joint and the tractions at the `chosen` instants, loads and energies over all of them, and the derivatives
-    /// at the last of those chosen; `save` is
+    /// Draws the deformed joint and the tractions at the `chosen` instants, loads and energies over all of them, and
+    /// the derivatives at the last of those chosen; `save` is
     /// called with the name (without ending) of each picture.
     ///
     /// # Errors
@@ -63,8 +63,8 @@ impl JointReport<'_> {
         Ok(())
     }
 
-    /// The map of the derivative of component `c` (0 for u_x, 1 for u_y) by parameter `k` at instant `number`; `None` where it
-    /// is zero everywhere.
+    /// The map of the derivative of component `c` (0 for u_x, 1 for u_y) by parameter `k` at instant `number`; `None`
+    /// where it is zero everywhere.
     ///
     /// # Errors
     /// Values without a finite range.

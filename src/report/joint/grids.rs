@@ -8,8 +8,8 @@ use std::collections::HashMap;
 use std::io::{self, Write};
 
 impl JointReport<'_> {
-    /// Writes the strips at instant `number`: displacement and its derivatives at the nodes; stress, equivalent stress and
-    /// plastic strain of the elements (means of their Gauss points).
+    /// Writes the strips at instant `number`: displacement and its derivatives at the nodes; stress, equivalent stress
+    /// and plastic strain of the elements (means of their Gauss points).
     ///
     /// # Errors
     /// Those of `out`.

@@ -13,7 +13,8 @@ pub struct ReactionSummary {
     /// The force from outside on the nodes of the group (of supports, rigid bodies and loads), along x and y.
     #[serde(rename = "force_N_per_mm")]
     pub force_n_per_mm: [f64; 2],
-    /// Mean displacement of the prescribed nodes; where the component is free, of all; of a rigid body that of its point.
+    /// Mean displacement of the prescribed nodes; where the component is free, of all; of a rigid body that of its
+    /// point.
     pub displacement_mm: [f64; 2],
 }
 
@@ -55,8 +56,8 @@ pub struct Balance {
     /// Share of the work that the test lost in snaps by its last instant; absent without snaps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lost_in_snaps: Option<f64>,
-    /// Share of the work that is not accounted for by the last instant because the path was not followed finely enough; absent
-    /// where it was, or where pairs snap.
+    /// Share of the work that is not accounted for by the last instant because the path was not followed finely
+    /// enough; absent where it was, or where pairs snap.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub not_followed: Option<f64>,
 }

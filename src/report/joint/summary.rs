@@ -119,7 +119,8 @@ pub struct InstantSummary {
     /// Why there is no solution.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub message: Option<String>,
-    /// Of a path that was followed by its length: where in the history of the case it is, 0 at rest, k at its instant k.
+    /// Of a path that was followed by its length: where in the history of the case it is, 0 at rest, k at its instant
+    /// k.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time: Option<f64>,
     /// What a user should look at.

@@ -23,7 +23,8 @@ pub struct LawView<'a> {
     pub joint: &'a [JointSensitivity],
     /// The inverse of the covariance of the parameters; none without one.
     pub inverse: Option<Vec<Vec<f64>>>,
-    /// What the distance from the fit is below with a probability of 95 %: of chi-square with as many degrees as parameters.
+    /// What the distance from the fit is below with a probability of 95 %: of chi-square with as many degrees as
+    /// parameters.
     pub limit: f64,
 }
 

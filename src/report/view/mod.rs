@@ -1,9 +1,10 @@
-//! The page on which one looks around in a run: every frame and quantity over the image, values with their uncertainty, profiles,
-//! gauges. One file that needs nothing else: its numbers are in it, its script is in it and the only one that may run.
+//! The page on which one looks around in a run: every frame and quantity over the image, values with their uncertainty,
+//! profiles, gauges. One file that needs nothing else: its numbers are in it, its script is in it and the only one that
+//! may run.
 //!
-//! A number has 16 bits: `low + step * code` of its quantity and frame, code 65535 where there is none. The codes of all quantities of
-//! a frame stand behind one another, each as the difference from the one before; first the lower bytes of all, then the upper ones,
-//! deflated (zlib) and in base64. Read by `page.js` beside this file.
+//! A number has 16 bits: `low + step * code` of its quantity and frame, code 65535 where there is none. The codes of
+//! all quantities of a frame stand behind one another, each as the difference from the one before; first the lower
+//! bytes of all, then the upper ones, deflated (zlib) and in base64. Read by `page.js` beside this file.
 //!
 //! [`Drawing`] is its sister: the page on which zones are drawn; [`Studio`] the same with steps before and behind it.
 

@@ -1,8 +1,8 @@
 //! What a run whose reference is renewed keeps after every frame, so that a later start goes on with the same bits.
 //!
-//! `restart/chain/NNNNNN.npz` is written before the status of frame N, and that of the frame before is removed after it: of
-//! the frames that are done one after the other the last has its state, whenever the run is stopped. Now and then one
-//! stays ([`Kept::STAYS`]): where the last is lost, frames are done again from there.
+//! `restart/chain/NNNNNN.npz` is written before the status of frame N, and that of the frame before is removed after
+//! it: of the frames that are done one after the other the last has its state, whenever the run is stopped. Now and
+//! then one stays ([`Kept::STAYS`]): where the last is lost, frames are done again from there.
 
 use crate::backend::GreyTransfer;
 use crate::correlate::{ChainState, Keyframe};

@@ -1,4 +1,5 @@
-//! Who works on the folder of a run: locks that the operating system takes back when their process ends, however it ends.
+//! Who works on the folder of a run: locks that the operating system takes back when their process ends, however it
+//! ends.
 
 use crate::remark::Remark;
 use crate::run::plan::shard::Shard;
@@ -76,8 +77,8 @@ pub(crate) struct Lock {
 }
 
 impl Lock {
-    /// Takes the run whose locks lie in `folder` (made when it is not there), or the share `shard` of it. Its images may
-    /// come from a folder that it `watches`.
+    /// Takes the run whose locks lie in `folder` (made when it is not there), or the share `shard` of it. Its images
+    /// may come from a folder that it `watches`.
     ///
     /// # Errors
     /// Another process that works on it, with its machine and number.
@@ -150,14 +151,14 @@ fn shards(folder: &Path) -> Vec<(PathBuf, usize)> {
 
 /// Whether a process holds the lock `path` alone.
 ///
-/// It is asked for together: an exclusive lock needs a file opened for writing on NFS (`EBADF` otherwise), which who only looks
-/// may not be allowed.
+/// It is asked for together: an exclusive lock needs a file opened for writing on NFS (`EBADF` otherwise), which who
+/// only looks may not be allowed.
 fn is_held(path: &Path) -> bool {
     File::open(path).is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))
 }
 
-/// Whether a lock failed because the file system has none: it says so itself, or its lock service does not answer, as that of
-/// an NFS server without `lockd`.
+/// Whether a lock failed because the file system has none: it says so itself, or its lock service does not answer, as
+/// that of an NFS server without `lockd`.
 fn without_locks(error: &std::io::Error) -> bool {
     let no_lock_service = if cfg!(target_os = "linux") { Some(37) } else { None }; // ENOLCK
     error.kind() == std::io::ErrorKind::Unsupported

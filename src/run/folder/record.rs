@@ -12,8 +12,8 @@ impl Record {
         Self(header.case.parse().unwrap_or_default())
     }
 
-    /// Whether a regularisation or splines bind the nodes to each other: standard uncertainties of what is drawn from them are then upper
-    /// bounds.
+    /// Whether a regularisation or splines bind the nodes to each other: standard uncertainties of what is drawn from
+    /// them are then upper bounds.
     pub fn is_regularised(&self) -> bool {
         let section = self.0.get("correlation");
         let is = |key: &str, usual: &str| {

@@ -54,7 +54,8 @@ pub(crate) struct FrameRecord {
 }
 
 impl FrameRecord {
-    /// The record of a frame whose `files` (names in `folder`) have been written; `result` where later frames start from it.
+    /// The record of a frame whose `files` (names in `folder`) have been written; `result` where later frames start
+    /// from it.
     pub fn new(
         folder: &Path,
         summary: FrameSummary,
@@ -98,8 +99,8 @@ impl FrameRecord {
     }
 }
 
-/// Whether `bytes` are one of the files of a restart on `mesh`: the record of a frame, or the state of a chain of references. What
-/// attacks on these files call.
+/// Whether `bytes` are one of the files of a restart on `mesh`: the record of a frame, or the state of a chain of
+/// references. What attacks on these files call.
 #[doc(hidden)]
 pub fn is_of_a_restart(bytes: &[u8], mesh: &Mesh<Px>) -> bool {
     let state = Kept::parse(Cursor::new(bytes));
@@ -119,7 +120,8 @@ pub(crate) struct Earlier {
 }
 
 impl Earlier {
-    /// The frames of `numbers` that are done, with every one of the `tables` where there is a field. Runs on the threads of the pool it is called in.
+    /// The frames of `numbers` that are done, with every one of the `tables` where there is a field. Runs on the
+    /// threads of the pool it is called in.
     pub fn find(store: &Store, folder: &Path, numbers: &[usize], tables: &[Name]) -> Self {
         let written = |number: &usize| fs::metadata(store.status_file(*number)).and_then(|about| about.modified()).ok();
         let times: Vec<Option<SystemTime>> = numbers.par_iter().map(written).collect();
@@ -156,8 +158,9 @@ impl Earlier {
         earlier
     }
 
-    /// What of it holds when every frame depends on those before it: the frames up to the last from which a chain can go on,
-    /// and its state there. A frame that could not be read is one of them as long as its file is what it was.
+    /// What of it holds when every frame depends on those before it: the frames up to the last from which a chain can
+    /// go on, and its state there. A frame that could not be read is one of them as long as its file is what it
+    /// was.
     pub fn of_chain(
         self,
         folder: &Path,
@@ -263,8 +266,8 @@ pub(crate) fn differences(there: &StoreHeader, asked: &StoreHeader, may_grow: bo
     found
 }
 
-/// Whether the series of a store is the beginning of the one asked for. That the files are the same is seen elsewhere: here
-/// stacks could have more pages than before.
+/// Whether the series of a store is the beginning of the one asked for. That the files are the same is seen elsewhere:
+/// here stacks could have more pages than before.
 fn begins(there: &StoreHeader, asked: &StoreHeader) -> bool {
     // The folders may be named from another place.
     let same = |(there, asked): (&String, &String)| Path::new(there).file_name() == Path::new(asked).file_name();

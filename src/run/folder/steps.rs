@@ -39,8 +39,8 @@ pub(crate) struct Steps {
 }
 
 impl Steps {
-    /// The record in `folder`, which is made when it is not there. A folder with other results is refused unless `overwrite`,
-    /// which also forgets all steps.
+    /// The record in `folder`, which is made when it is not there. A folder with other results is refused unless
+    /// `overwrite`, which also forgets all steps.
     pub fn open(folder: &Path, overwrite: bool) -> Result<Self> {
         let path = folder.join(STEPS);
         let text = fs::read_to_string(&path).ok();
@@ -68,7 +68,8 @@ impl Steps {
         self.write()
     }
 
-    /// Notes that a step is begun, and tells whether it has been before with the same inputs: what is there of it is good.
+    /// Notes that a step is begun, and tells whether it has been before with the same inputs: what is there of it is
+    /// good.
     pub fn begin(&mut self, step: &str, inputs: &str) -> Result<bool> {
         let before = self
             .done

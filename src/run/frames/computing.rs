@@ -4,9 +4,9 @@ use crate::run::frames::engine::Engine;
 use rayon::ThreadPool;
 use std::time::{Duration, Instant};
 
-/// What a thread that waits for files has computed. On the CPU the threads of the pool do it, as they do the frames: of more threads than
-/// cores some wait while a core has nothing to do, since the system moves none that has just worked (a tenth of both of two cores). Beside a
-/// graphics device, which threads of the pool wait for, the caller does it.
+/// What a thread that waits for files has computed. On the CPU the threads of the pool do it, as they do the frames: of
+/// more threads than cores some wait while a core has nothing to do, since the system moves none that has just worked
+/// (a tenth of both of two cores). Beside a graphics device, which threads of the pool wait for, the caller does it.
 pub(crate) struct Computing<'a> {
     engine: &'a Engine,
     pool: &'a ThreadPool,

@@ -163,8 +163,9 @@ impl Engine {
         Some((generation, correlator.upload(image).ok()?))
     }
 
-    /// Correlates frame `number` by `work`, which is given the correlator of a generation, as is what was uploaded. When a graphics device fails, once
-    /// more on a fresh one, then on the CPU. `work` is called outside of the threads of `pool`, so that it may wait for other frames.
+    /// Correlates frame `number` by `work`, which is given the correlator of a generation, as is what was uploaded.
+    /// When a graphics device fails, once more on a fresh one, then on the CPU. `work` is called outside of the
+    /// threads of `pool`, so that it may wait for other frames.
     pub fn correlate(
         &self,
         pool: &ThreadPool,
@@ -196,8 +197,8 @@ impl Engine {
         }
     }
 
-    /// Whether the CPU is to look at a frame that a graphics device has measured. What was measured from another reference than the
-    /// first has no twin.
+    /// Whether the CPU is to look at a frame that a graphics device has measured. What was measured from another
+    /// reference than the first has no twin.
     fn is_to_be_looked_at(&self, number: usize, result: &Correlation) -> bool {
         let is_due = self.looked_at.load(Ordering::SeqCst) == 0 || number.is_multiple_of(LOOKED_AT);
         let is_field = result.measurement.status == Status::Converged && result.reference_frame == 0;

@@ -64,7 +64,8 @@ pub(crate) fn end(writers: Vec<Writer<'_>>) -> Result<()> {
 }
 
 impl<'a> Output<'a> {
-    /// Begins to write with `n` threads. They alone hold what the frames come through: when all have stopped, nobody can send another.
+    /// Begins to write with `n` threads. They alone hold what the frames come through: when all have stopped, nobody
+    /// can send another.
     pub fn begin<'scope>(self, scope: &'scope Scope<'scope, '_>, n: usize) -> Result<Vec<Writer<'scope>>>
     where
         'a: 'scope,

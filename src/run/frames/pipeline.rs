@@ -22,16 +22,17 @@ use std::time::Instant;
 const AHEAD: usize = 2;
 /// Images on the device that wait for theirs.
 const UPLOADED: usize = 1;
-/// Frames at a time on the CPU, and tracked ones: half as many as there are threads and two more, and so many at most. While one iterates on all
-/// threads, uncertainty and marks of those before it are computed by a thread for each; with one frame less a thread has nothing to do at times
-/// (3 % of the time of a tracked series on two of them, 5 % where each frame is searched for).
+/// Frames at a time on the CPU, and tracked ones: half as many as there are threads and two more, and so many at most.
+/// While one iterates on all threads, uncertainty and marks of those before it are computed by a thread for each; with
+/// one frame less a thread has nothing to do at times (3 % of the time of a tracked series on two of them, 5 % where
+/// each frame is searched for).
 const AT_A_TIME: usize = 8;
 /// Threads that write at most: of many threads one in four.
 const WRITERS: usize = 4;
 /// Decoding threads beside the CPU at most: PNG takes 17 ns per pixel, as much as its whole correlation.
 const DECODERS: usize = 8;
-/// Beside a graphics device, which takes a hundredth of that, as many as there are threads; but images that are decoded and wait hold no
-/// more pixels than this (some 4 GB), where they are more than of [`DECODERS`].
+/// Beside a graphics device, which takes a hundredth of that, as many as there are threads; but images that are decoded
+/// and wait hold no more pixels than this (some 4 GB), where they are more than of [`DECODERS`].
 const WAITING_PX: usize = 500_000_000;
 
 /// Frames that each stage of a run does at a time.
@@ -49,7 +50,8 @@ pub(crate) fn widths(engine: &Engine, pool: &ThreadPool, start: StartFrom, updat
     let decoded = decoders(engine.is_on_cpu(), threads, width * height);
     let writers = (threads / 4).clamp(1, WRITERS);
     match (start, update) {
-        // Which reference a frame has is known when all is known of the one before, and what it keeps replaces what that one kept.
+        // Which reference a frame has is known when all is known of the one before, and what it keeps replaces what
+        // that one kept.
         (_, UpdateReference::Residual | UpdateReference::Every(_)) => Widths { decoded, correlated: 1, written: 1 },
         (StartFrom::Independent, _) if !engine.is_on_cpu() => {
             Widths { decoded, correlated: engine.correlator().frames_in_flight(), written: writers }
@@ -71,11 +73,11 @@ fn decoders(on_cpu: bool, threads: usize, pixels: usize) -> usize {
 /// A frame with its number, from 1.
 pub(crate) type Numbered = (usize, Frame);
 
-/// Correlates the frames and hands each to `take` when it is done, until that says false: in order when each starts from
-/// the one before.
+/// Correlates the frames and hands each to `take` when it is done, until that says false: in order when each starts
+/// from the one before.
 ///
-/// `next` gives the frames that are to be done, their numbers rising, and none after the last. It may wait for a frame, as
-/// long as what it is called with says that it is wanted.
+/// `next` gives the frames that are to be done, their numbers rising, and none after the last. It may wait for a frame,
+/// as long as what it is called with says that it is wanted.
 pub(crate) fn run(
     engine: &Engine,
     pool: &ThreadPool,
@@ -148,8 +150,8 @@ fn hand_out(
     Ok(())
 }
 
-/// Reads frames as they are given: not by the threads of the pool, since a thread of it that waits for a part of a frame may take up any other
-/// work, and would keep that frame until a large PNG is decoded.
+/// Reads frames as they are given: not by the threads of the pool, since a thread of it that waits for a part of a
+/// frame may take up any other work, and would keep that frame until a large PNG is decoded.
 fn decode(
     frames: &Frames<'_>,
     wanted: &(dyn Fn() -> bool + Sync),

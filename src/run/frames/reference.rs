@@ -76,12 +76,12 @@ impl Reference {
     }
 }
 
-/// Bytes per pixel of the image that no correlation does without, however small its zone: images, coefficients and the search of a start (15 measured with
-/// the program itself).
+/// Bytes per pixel of the image that no correlation does without, however small its zone: images, coefficients and the
+/// search of a start (15 measured with the program itself).
 const LEAST_BYTES: u128 = 12;
 
-/// Refuses an image whose correlation this process cannot have the memory for: somewhere within, it would be ended without a word of
-/// what to do.
+/// Refuses an image whose correlation this process cannot have the memory for: somewhere within, it would be ended
+/// without a word of what to do.
 fn has_room(image: &Image, of: &Frame) -> Result<()> {
     let bytes = LEAST_BYTES * image.width() as u128 * image.height() as u128;
     if usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok()) {

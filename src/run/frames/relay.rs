@@ -1,5 +1,6 @@
-//! How tracked frames hand on to each other while several are under way: each begins where the one before is forecast to be, and is begun
-//! again should that turn out to be another field. What comes out is what one frame after the other would give, bit for bit.
+//! How tracked frames hand on to each other while several are under way: each begins where the one before is forecast
+//! to be, and is begun again should that turn out to be another field. What comes out is what one frame after the other
+//! would give, bit for bit.
 
 use crate::correlate::{History, Start};
 use std::collections::BTreeMap;
@@ -109,7 +110,8 @@ impl Turn<'_> {
         self.change(|state| _ = state.after.insert(self.at, after));
     }
 
-    /// This frame, `number`, is done, after `known`: found at `start`, if it was. A forecast that was right stays what it is.
+    /// This frame, `number`, is done, after `known`: found at `start`, if it was. A forecast that was right stays what
+    /// it is.
     pub fn end_frame(mut self, known: &Known, number: usize, start: Option<Start>) {
         let found = known.and(number, start);
         self.change(|state| {

@@ -1,4 +1,5 @@
-//! Those who correlate the frames of a run as they come: each frame for itself, each in its turn, or with a reference that is renewed.
+//! Those who correlate the frames of a run as they come: each frame for itself, each in its turn, or with a reference
+//! that is renewed.
 
 use crate::correlate::{Correlate, Correlation, Overlap, ReferenceChain, Start, UpdateRefused};
 use crate::field::{StartFrom, UpdateReference};
@@ -22,8 +23,8 @@ use std::time::Instant;
 pub(crate) enum Worker<'a> {
     /// Each for itself, with the reference given.
     Independent,
-    /// Each from where those before it are, with the reference given; a thread of its own does what others do not share, where those of the pool
-    /// wait for a graphics device.
+    /// Each from where those before it are, with the reference given; a thread of its own does what others do not
+    /// share, where those of the pool wait for a graphics device.
     Tracking(&'a Relay, Option<ThreadPool>),
     /// With a reference that is renewed.
     Chain(Box<Chain<'a>>),

@@ -74,7 +74,8 @@ impl CaseRun {
     }
 }
 
-/// Everything from the images of a case to its report. Steps that were done before with the same inputs are taken from there.
+/// Everything from the images of a case to its report. Steps that were done before with the same inputs are taken from
+/// there.
 ///
 /// # Errors
 /// See [`RunError`]. Frames and a fit that do not converge, and a model that the data reject, are results.
@@ -188,8 +189,8 @@ fn mechanics(
     Ok((outcome, false))
 }
 
-/// The fit that ended at `found` if the rigid motion were removed where it was kept, and the other way round, to first order:
-/// whether it is removed, and the parameters then.
+/// The fit that ended at `found` if the rigid motion were removed where it was kept, and the other way round, to first
+/// order: whether it is removed, and the parameters then.
 fn with_other_rigid_motion(
     input: &JointInput,
     case: &Path,

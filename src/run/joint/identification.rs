@@ -24,8 +24,8 @@ pub(crate) const FIT: &str = "fit.json";
 pub(crate) const LAW_SENSITIVITIES: &str = "law-sensitivities.csv";
 pub(crate) const JOINT_SENSITIVITIES: &str = "joint-sensitivities.csv";
 
-/// Fits the case `input` of the file `case` and writes everything into `output`: what `fit.json` holds, and whether the fit
-/// converged. When `stop` is asked, the fit ends at the best point so far.
+/// Fits the case `input` of the file `case` and writes everything into `output`: what `fit.json` holds, and whether the
+/// fit converged. When `stop` is asked, the fit ends at the best point so far.
 ///
 /// # Errors
 /// See [`crate::run::RunError`]. A fit that does not converge is a result.

@@ -22,8 +22,8 @@ use std::time::Instant;
 
 const REPORT: &str = "report.html";
 
-/// Fits one law to the tests of `input`, the case file `case`, and writes everything into `output`, what belongs to one test into its
-/// folder there: what `fit.json` holds, and whether the fit converged.
+/// Fits one law to the tests of `input`, the case file `case`, and writes everything into `output`, what belongs to one
+/// test into its folder there: what `fit.json` holds, and whether the fit converged.
 ///
 /// # Errors
 /// See [`RunError`]. A fit that does not converge is a result.

@@ -19,11 +19,12 @@ use rayon::ThreadPool;
 use std::path::Path;
 use std::time::Instant;
 
-/// Unknowns up to which the energies are computed without being asked for: that takes several solutions for each instant.
+/// Unknowns up to which the energies are computed without being asked for: that takes several solutions for each
+/// instant.
 const ENERGIES_UP_TO: usize = 20_000;
 
-/// Computes the joint of the case file `case` and writes displacements, tractions, sensitivities and figures into `output`; when
-/// `stop` is asked, of the instants so far.
+/// Computes the joint of the case file `case` and writes displacements, tractions, sensitivities and figures into
+/// `output`; when `stop` is asked, of the instants so far.
 ///
 /// # Errors
 /// See [`crate::run::RunError`]. An instant without a solution is a result.

@@ -26,8 +26,8 @@ pub(crate) struct Searched {
     pub notes: Vec<String>,
 }
 
-/// Cuts `zones` along the cracks of `plan`, those included that it wants found: they are put into their place there. A run that goes on
-/// has those of `there`.
+/// Cuts `zones` along the cracks of `plan`, those included that it wants found: they are put into their place there. A
+/// run that goes on has those of `there`.
 pub(crate) fn cut(
     plan: &mut Plan,
     there: Option<&Store>,

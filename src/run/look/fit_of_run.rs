@@ -36,7 +36,8 @@ pub struct FitOfRun {
 }
 
 impl FitOfRun {
-    /// Those in `folder`; `None` where nothing was fitted. Sensitivities that an earlier version did not write are left out.
+    /// Those in `folder`; `None` where nothing was fitted. Sensitivities that an earlier version did not write are left
+    /// out.
     ///
     /// # Errors
     /// Files that are not what they should be.
@@ -89,8 +90,9 @@ fn inverse(covariance: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
 /// What a model is off by, px, by the number of the frame: of every node of the correlation, NaN where it is not known.
 pub type Off = BTreeMap<usize, Vec<[f64; 2]>>;
 
-/// The displacement of the model less that measured, px of the image, by the number of the frame: of every node of the correlation, NaN
-/// where one of them is not known. `None` where no model was computed for the frames of the run in `folder`.
+/// The displacement of the model less that measured, px of the image, by the number of the frame: of every node of the
+/// correlation, NaN where one of them is not known. `None` where no model was computed for the frames of the run in
+/// `folder`.
 ///
 /// # Errors
 /// Files that are not what they should be.

@@ -38,7 +38,8 @@ struct Truth {
     parameters: BTreeMap<String, f64>,
 }
 
-/// The report, as HTML, from what the steps have written; and why the fields cannot be looked around in, where it is so.
+/// The report, as HTML, from what the steps have written; and why the fields cannot be looked around in, where it is
+/// so.
 pub(crate) fn page(
     file: &Path,
     folder: &Path,

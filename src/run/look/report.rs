@@ -16,8 +16,8 @@ use crate::run::words::text::absolute;
 use std::io::Write;
 use std::path::Path;
 
-/// Writes `report.html`. What it reads and draws is bounded, however long the series is. Returns why the fields cannot be looked
-/// around in, where it is so.
+/// Writes `report.html`. What it reads and draws is bounded, however long the series is. Returns why the fields cannot
+/// be looked around in, where it is so.
 pub(crate) fn write(
     folder: &RunFolder,
     plan: &Plan,

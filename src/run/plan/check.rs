@@ -1,4 +1,5 @@
-//! What can be said of a case before it is run: mesh, texture, expected uncertainty, bare borders; and whether it keeps to its folder.
+//! What can be said of a case before it is run: mesh, texture, expected uncertainty, bare borders; and whether it keeps
+//! to its folder.
 
 use crate::backend::choice::{Device, DeviceChoice};
 use crate::correlate::prepare;
@@ -46,7 +47,8 @@ pub struct CheckedZone {
     pub n_without_texture: usize,
     /// Noise and texture of the largest rectangle around it, or why there is none.
     pub look: std::result::Result<Look, String>,
-    /// Median over its nodes of the expected standard uncertainty of a displacement, along x and y, px, with the noise of `look`.
+    /// Median over its nodes of the expected standard uncertainty of a displacement, along x and y, px, with the noise
+    /// of `look`.
     pub sigma_px: Option<[f64; 2]>,
 }
 
@@ -109,8 +111,8 @@ pub fn check(plan: &Plan, pool: &ThreadPool) -> Result<Checked> {
     })
 }
 
-/// Refuses a case with the content `text` that names a file outside of `folder`, its own folder: by an absolute name, by `..`, or
-/// through a link. Files that a pattern gives are those of `plan`.
+/// Refuses a case with the content `text` that names a file outside of `folder`, its own folder: by an absolute name,
+/// by `..`, or through a link. Files that a pattern gives are those of `plan`.
 ///
 /// # Errors
 /// The first such name.

@@ -34,7 +34,8 @@ pub(crate) struct Found {
 }
 
 impl Found {
-    /// Looks for the specimen in `reference`; its masks will lie in `folder`, or nowhere when that is empty. A `guard` that was asked for stands for the usual one.
+    /// Looks for the specimen in `reference`; its masks will lie in `folder`, or nowhere when that is empty. A `guard`
+    /// that was asked for stands for the usual one.
     pub fn on(reference: &Image, plan: &Plan, folder: &Path) -> Result<Self> {
         let Plan { options, guard_px: guard, .. } = plan;
         let (size, guard) = (options.element_size, *guard);
@@ -47,7 +48,8 @@ impl Found {
             let error = MeshError::TooSmall { zone, width, height, size };
             return Err(RunError::Reference(format!("{}: {error}", plan.reference_name())));
         }
-        // What leaves the image is counted out; half an element keeps that away from the outermost nodes for small motion.
+        // What leaves the image is counted out; half an element keeps that away from the outermost nodes for small
+        // motion.
         let margin = (size / 2).min(width.min(height) / 16);
         let specimen = Specimen::find(reference, size, margin);
         let holds = |part: &&SpecimenPart| holds_element(part, size, options.element_share);
@@ -83,7 +85,8 @@ impl Found {
         Ok(found)
     }
 
-    /// A zone that is all of its box: whole elements in the middle of it, and a guard where it does not end at the margin.
+    /// A zone that is all of its box: whole elements in the middle of it, and a guard where it does not end at the
+    /// margin.
     fn rectangle(
         &mut self,
         name: String,
@@ -162,8 +165,8 @@ impl Found {
     }
 }
 
-/// An extent from `low` to `high`, cut to whole elements at the margin of the image: there an element that is half outside
-/// would do no good.
+/// An extent from `low` to `high`, cut to whole elements at the margin of the image: there an element that is half
+/// outside would do no good.
 fn whole_elements(low: usize, high: usize, n: usize, size: usize, margin: usize) -> (f64, f64) {
     let rest = (high - low) % size;
     let (low, high) = match (low == margin, high + margin == n) {
@@ -176,7 +179,8 @@ fn whole_elements(low: usize, high: usize, n: usize, size: usize, margin: usize)
     (low as f64, high as f64)
 }
 
-/// Whether a mesh on the part has an element: squares of `size` px from the corner of its box that hold their share of pixels.
+/// Whether a mesh on the part has an element: squares of `size` px from the corner of its box that hold their share of
+/// pixels.
 fn holds_element(part: &SpecimenPart, size: usize, share: f64) -> bool {
     let [x0, y0, x1, y1] = part.bounds;
     if part.bits.is_none() {
@@ -203,7 +207,8 @@ fn in_words(LeftOut { textureless, saturated, apart, border }: LeftOut) -> Strin
     if words.is_empty() { "nothing".into() } else { words.join(", ") }
 }
 
-/// Draws the zones and their mesh into the pictures of the run in `folder`; above stands how large the field of view is.
+/// Draws the zones and their mesh into the pictures of the run in `folder`; above stands how large the field of view
+/// is.
 pub(crate) fn draw(plan: &Plan, image: &Image, prepared: &Reference, folder: &Path, notes: &[String]) -> Result<()> {
     let mesh: &Mesh<Px> = prepared.mesh();
     let (width, height) = (image.width(), image.height());

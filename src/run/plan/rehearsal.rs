@@ -1,5 +1,5 @@
-//! A case is read whole before anything runs: the joint that the measurement will give is made of the zones alone, and everything
-//! that is said of it and of the fit is tried on it.
+//! A case is read whole before anything runs: the joint that the measurement will give is made of the zones alone, and
+//! everything that is said of it and of the fit is tried on it.
 
 use crate::correlate::CorrelationError;
 use crate::field::Elements;
@@ -22,8 +22,8 @@ const OPENING: f64 = 1e-3;
 /// Its standard uncertainty, px.
 const SIGMA_PX: f64 = 0.01;
 
-/// Refuses what would be refused after the correlation, and gives what would be warned of whatever is measured: lengths and
-/// materials that hardly anything has.
+/// Refuses what would be refused after the correlation, and gives what would be warned of whatever is measured: lengths
+/// and materials that hardly anything has.
 ///
 /// # Errors
 /// Zones without elements, faces that do not pair, a border that does not hold the joint, and all that

@@ -45,8 +45,8 @@ impl fmt::Display for Export {
     }
 }
 
-/// What is asked for over a case, as by the flags of `quadrille correlate`: it wins over what the case says. The default changes
-/// nothing. Names of files start at the current folder.
+/// What is asked for over a case, as by the flags of `quadrille correlate`: it wins over what the case says. The
+/// default changes nothing. Names of files start at the current folder.
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Request {
@@ -62,8 +62,8 @@ pub struct Request {
     /// Over `[correlation]`.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub correlation: CaseCorrelation,
-    /// Tables per frame beside the store: csv,vtu, or none. Default csv,vtu up to 1000 frames and none above (or what the
-    /// run.toml given as --case wrote). `quadrille export` makes them later.
+    /// Tables per frame beside the store: csv,vtu, or none. Default csv,vtu up to 1000 frames and none above (or what
+    /// the run.toml given as --case wrote). `quadrille export` makes them later.
     #[cfg_attr(
         feature = "cli",
         arg(long, value_name = "csv,vtu|none", value_delimiter = ',', help_heading = "Output")
@@ -92,8 +92,8 @@ pub struct Request {
     /// How a graphics device is opened.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub gpu: GpuOptions,
-    /// Instruction path of the CPU: avx512, avx2, baseline, scalar. Default: that of the run.toml given as --case, else the
-    /// fastest there is. Results differ in the last bits between paths.
+    /// Instruction path of the CPU: avx512, avx2, baseline, scalar. Default: that of the run.toml given as --case,
+    /// else the fastest there is. Results differ in the last bits between paths.
     #[cfg_attr(feature = "cli", arg(long, value_name = "NAME", hide_short_help = true, help_heading = "Machine"))]
     pub isa: Option<String>,
 }

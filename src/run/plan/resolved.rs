@@ -200,8 +200,8 @@ impl Plan {
         }
     }
 
-    /// The plan of a run that goes on: with the instruction path of the earlier start, where this machine has it, and with its
-    /// tables, unless others are asked for.
+    /// The plan of a run that goes on: with the instruction path of the earlier start, where this machine has it, and
+    /// with its tables, unless others are asked for.
     pub fn as_before(&self, there: &StoreHeader) -> Self {
         let mut plan = self.clone();
         if let Some(isa) = isa_of(there).filter(|_| !self.isa_asked) {

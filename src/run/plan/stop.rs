@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Whether a run shall stop, seen by all its threads: frames that are on the device are finished, no other is begun. Copies share
-/// the wish.
+/// Whether a run shall stop, seen by all its threads: frames that are on the device are finished, no other is begun.
+/// Copies share the wish.
 #[derive(Debug, Clone, Default)]
 pub struct Stop(Arc<AtomicBool>);
 

@@ -31,7 +31,8 @@ const NO_IMAGE: &[&str] = &[
     "sh", "bat", "zip", "gz", "tar", "7z", "rar", "sha256", "md5",
 ];
 
-/// Takes the files out that are no images by their ending and by how they begin, as long as images are left; gives them.
+/// Takes the files out that are no images by their ending and by how they begin, as long as images are left; gives
+/// them.
 pub(crate) fn without_texts(files: &mut Vec<PathBuf>) -> Vec<PathBuf> {
     let is_text = |path: &Path| {
         let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());

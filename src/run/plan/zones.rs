@@ -28,8 +28,8 @@ pub(crate) struct Zones {
 }
 
 impl Zones {
-    /// The zones of `plan`; when it has none, it gets those where `reference` shows the specimen, whose masks will lie in
-    /// `folder`.
+    /// The zones of `plan`; when it has none, it gets those where `reference` shows the specimen, whose masks will lie
+    /// in `folder`.
     pub fn of(plan: &mut Plan, reference: &Image, folder: &Path) -> Result<Self> {
         if !plan.zones.is_empty() {
             return Self::on(&plan.zones, plan.options.element_size, [reference.width(), reference.height()]);

@@ -59,7 +59,8 @@ impl Camera {
         self.watched.settle()
     }
 
-    /// What is to be known of a run that goes on: the frames that have their numbers, and the reference where none is named.
+    /// What is to be known of a run that goes on: the frames that have their numbers, and the reference where none is
+    /// named.
     pub fn go_on(&mut self, store: &StoreHeader, images: &mut Images) -> std::result::Result<(), String> {
         let CaseFile { images: there, .. } =
             parse_case(&store.case, Path::new(STORE)).map_err(|error| error.to_string())?;

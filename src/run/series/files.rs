@@ -48,8 +48,8 @@ use std::time::Instant;
 /// Results that wait to be written.
 const BEHIND: usize = 4;
 
-/// Correlates the series of `plan` into `folder`: what is missing of it, or all. What is done stays done, however this ends: the same
-/// call goes on from there.
+/// Correlates the series of `plan` into `folder`: what is missing of it, or all. What is done stays done, however this
+/// ends: the same call goes on from there.
 ///
 /// # Errors
 /// See [`RunError`]. A frame that cannot be read or does not converge is a result.

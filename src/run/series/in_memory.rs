@@ -1,4 +1,5 @@
-//! A reference that is in memory, prepared as a run prepares that of files: for programs that have the images themselves.
+//! A reference that is in memory, prepared as a run prepares that of files: for programs that have the images
+//! themselves.
 
 use crate::correlate::{Correlate, prepare};
 use crate::field::{Measurement, StrainDefinition, StrainField, StrainWindows, UpdateReference};
@@ -31,9 +32,9 @@ pub struct InMemory {
 }
 
 impl InMemory {
-    /// Prepares `reference` with the zones, cracks and options of `case` and of what is asked for over it; images that they name are not
-    /// looked at. Where no zone is named, nor a mask given, the specimen is looked for as `quadrille correlate` does. A `mask` holds
-    /// for every zone.
+    /// Prepares `reference` with the zones, cracks and options of `case` and of what is asked for over it; images that
+    /// they name are not looked at. Where no zone is named, nor a mask given, the specimen is looked for as
+    /// `quadrille correlate` does. A `mask` holds for every zone.
     ///
     /// ```
     /// use quadrille::synth::{RenderOptions, Texture, Translation, render};
@@ -52,8 +53,8 @@ impl InMemory {
     /// ```
     ///
     /// # Errors
-    /// Options, zones, cracks or texture that do not allow a measurement; a device that is not there; a crack or a change of
-    /// reference that only a series finds.
+    /// Options, zones, cracks or texture that do not allow a measurement; a device that is not there; a crack or a
+    /// change of reference that only a series finds.
     pub fn new(asked: &Request, case: &CaseFile, reference: Arc<Image>, mask: Option<Mask>) -> Result<Self> {
         let size = [reference.width(), reference.height()];
         let named = Frame::file("the reference image".into(), 0);

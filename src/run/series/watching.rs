@@ -29,8 +29,8 @@ pub struct Watching {
     pub timeout: Option<Duration>,
 }
 
-/// Correlates the images that come into the folder that stands in the place of the deformed images. `None` where it was asked to stop
-/// before an image came. `output` is the folder of the results.
+/// Correlates the images that come into the folder that stands in the place of the deformed images. `None` where it was
+/// asked to stop before an image came. `output` is the folder of the results.
 ///
 /// # Errors
 /// As [`crate::run::run_series`]; a share of the series, and files whose pages are frames, are refused.

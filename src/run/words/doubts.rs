@@ -22,12 +22,12 @@ const SHORTER_PX: f64 = 1.0;
 /// Frames from which on an order is judged.
 const FRAMES: usize = 4;
 const MANY_FRAMES: usize = 8;
-/// Squares of the steps of a motion in twice its variance: 1 in a random order, near 0 in a smooth one, 2 when it goes back
-/// and forth.
+/// Squares of the steps of a motion in twice its variance: 1 in a random order, near 0 in a smooth one, 2 when it goes
+/// back and forth.
 const RANDOM: std::ops::Range<f64> = 0.65..1.4;
 
-/// What is to be said of the files of a series: `hashes` has the SHA-256 of the images by their number, `references` those of
-/// the reference.
+/// What is to be said of the files of a series: `hashes` has the SHA-256 of the images by their number, `references`
+/// those of the reference.
 pub(crate) fn about_series(
     summary: &Summary,
     hashes: &BTreeMap<usize, Option<String>>,
@@ -116,8 +116,8 @@ fn find_dropped(files: &[&str]) -> Option<Remark> {
 fn taken_out_of_order(frames: &[FrameSummary]) -> Option<Remark> {
     let taken: Vec<(&FrameSummary, &str)> =
         frames.iter().filter_map(|frame| Some((frame, frame.taken.as_deref()?))).collect();
-    // The longest way through the series on which times never fall: by its length, the place of the last frame of the one that ends
-    // earliest, and of each frame the one before it.
+    // The longest way through the series on which times never fall: by its length, the place of the last frame of the
+    // one that ends earliest, and of each frame the one before it.
     let (mut last, mut before): (Vec<usize>, Vec<Option<usize>>) = (Vec::new(), Vec::new());
     for (at, &(_, time)) in taken.iter().enumerate() {
         let length = last.partition_point(|&k| taken[k].1 <= time);
@@ -229,7 +229,8 @@ impl Motion {
         way
     }
 
-    /// By how much the way is longer when it goes from the last of `before` to the first of `behind` through the frame `at`, px.
+    /// By how much the way is longer when it goes from the last of `before` to the first of `behind` through the frame
+    /// `at`, px.
     fn detour(&self, before: &[usize], at: usize, behind: &[usize]) -> f64 {
         let between = |end: Option<&usize>| match end {
             Some(&end) => distance(&self.places[end], &self.places[at]),
@@ -268,7 +269,8 @@ impl Motion {
             let remark = Remark::new(Code::FramesShuffled, About::Run, text);
             return Some(remark.with("way_px", way).with("way_by_name_px", shorter));
         }
-        // One frame in another place. The first and the last may be what the test ends with: the reference has a say in that.
+        // One frame in another place. The first and the last may be what the test ends with: the reference has a say in
+        // that.
         let inner = if n >= 2 * FRAMES { 1..n - 1 } else { 0..0 };
         for at in inner {
             let rest: Vec<usize> = given.iter().copied().filter(|&k| k != at).collect();
@@ -318,8 +320,8 @@ impl Motion {
         let reference = &summary.reference.file;
         let files = files(summary);
         let file = |at: usize| files.get(&self.numbers[at]).copied().unwrap_or("");
-        // The last one lies a step beyond the reference, and all others on its other side: unloading ends at the reference or
-        // before it.
+        // The last one lies a step beyond the reference, and all others on its other side: unloading ends at the
+        // reference or before it.
         let given: Vec<usize> = (0..n).collect();
         let (way, first) = (self.way(&given), &self.places[0]);
         let from_last = length(last) + self.way(&given[..n - 1]);

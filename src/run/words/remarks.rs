@@ -1,4 +1,5 @@
-//! What a run has to say of its files, its device, its mesh and its frames; of a whole series see [`crate::run::words::doubts`].
+//! What a run has to say of its files, its device, its mesh and its frames; of a whole series see
+//! [`crate::run::words::doubts`].
 
 use crate::backend::BackendError;
 use crate::correlate::{BareBorder, Correlation, NoiseColour, Reference, StartUsed, TextureFault, UpdateRefused};

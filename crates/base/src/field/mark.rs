@@ -5,8 +5,8 @@ use std::fmt;
 
 /// What is the matter with an element in one frame.
 ///
-/// Of elements that are [left out](Self::is_left_out) nothing is in the field: a node that has no other elements was not
-/// measured. The displacement of the nodes of the others is doubtful.
+/// Of elements that are [left out](Self::is_left_out) nothing is in the field: a node that has no other elements was
+/// not measured. The displacement of the nodes of the others is doubtful.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ElementMark {
@@ -15,7 +15,8 @@ pub enum ElementMark {
     None,
     /// Its residual is beyond noise: the field does not follow the displacement there, or the image has changed.
     Misfit,
-    /// What it shows stays where it is while the specimen moves: dust, a reflection, something that is not the specimen.
+    /// What it shows stays where it is while the specimen moves: dust, a reflection, something that is not the
+    /// specimen.
     Still,
     /// It sees no texture in the reference.
     NoTexture,

@@ -85,20 +85,21 @@ impl Status {
 pub struct ModelError {
     /// Error of each displacement for want of nodes, of focus, or by a regularisation; zero where nothing shows.
     pub nodes: Vec<[f64; 2]>,
-    /// Displacement, root mean square over the element, that the field does not follow there: zero but in elements whose
-    /// residual is beyond noise by the test (1 % over the zone).
+    /// Displacement, root mean square over the element, that the field does not follow there: zero but in elements
+    /// whose residual is beyond noise by the test (1 % over the zone).
     pub misfit: Vec<f64>,
 }
 
-/// Displacements at the nodes as values at points, beside the coefficients of [`Measurement::displacement`] (THEORY 17).
+/// Displacements at the nodes as values at points, beside the coefficients of [`Measurement::displacement`] (THEORY
+/// 17).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PointField {
     /// Displacement at each node, in `U`; zero where the node was not measured.
     pub displacement: Vec<[f64; 2]>,
     /// Its standard uncertainty.
     pub sigma: Vec<[f64; 2]>,
-    /// Whether it is a value; where not, it is the coefficient as it stands: too few measured nodes are near, or the field was
-    /// regularised.
+    /// Whether it is a value; where not, it is the coefficient as it stands: too few measured nodes are near, or the
+    /// field was regularised.
     pub is_value: Vec<bool>,
 }
 
@@ -142,8 +143,8 @@ pub struct Measurement<U: Length> {
     pub mesh: Arc<Mesh<U>>,
     /// How the correlation ended.
     pub status: Status,
-    /// Displacement of each node, in `U`: the coefficients of the bilinear field that was fitted to the images, whose covariance is
-    /// known; what it is at a point says [`Measurement::points`].
+    /// Displacement of each node, in `U`: the coefficients of the bilinear field that was fitted to the images, whose
+    /// covariance is known; what it is at a point says [`Measurement::points`].
     pub displacement: Vec<[f64; 2]>,
     /// Standard uncertainty of each displacement, in `U`.
     pub sigma: Vec<[f64; 2]>,
@@ -156,8 +157,8 @@ pub struct Measurement<U: Length> {
     pub model_error: Option<ModelError>,
     /// What is the matter with each element; `None` where nobody looked, as in stores of earlier versions.
     pub marks: Option<Vec<ElementMark>>,
-    /// The displacements at the nodes as values at points (THEORY 17); `None` where nobody made them, as in stores of earlier
-    /// versions.
+    /// The displacements at the nodes as values at points (THEORY 17); `None` where nobody made them, as in stores of
+    /// earlier versions.
     pub points: Option<PointField>,
 }
 
@@ -193,7 +194,8 @@ impl Measurement<Px> {
 }
 
 impl<U: Length> Measurement<U> {
-    /// Displacement of each node as it is read at a point: [`Measurement::points`] where they are known, else the coefficients.
+    /// Displacement of each node as it is read at a point: [`Measurement::points`] where they are known, else the
+    /// coefficients.
     pub fn at_points(&self) -> &[[f64; 2]] {
         self.points.as_ref().map_or(&self.displacement, |points| &points.displacement)
     }
@@ -203,8 +205,8 @@ impl<U: Length> Measurement<U> {
         self.points.as_ref().map_or(&self.sigma, |points| &points.sigma)
     }
 
-    /// The mark of each node: the gravest of its elements, [`ElementMark::None`] where none has one; `None` where nobody
-    /// looked.
+    /// The mark of each node: the gravest of its elements, [`ElementMark::None`] where none has one; `None` where
+    /// nobody looked.
     pub fn node_marks(&self) -> Option<Vec<ElementMark>> {
         let marks = self.marks.as_ref()?;
         let mut nodes = vec![ElementMark::None; self.mesh.n_nodes()];
@@ -225,8 +227,8 @@ impl<U: Length> Measurement<U> {
         ElementMark::ALL.into_iter().map(marked).filter(|marked| marked.elements > 0).collect()
     }
 
-    /// Which measured nodes are to be doubted: those whose standard uncertainty (root mean square of its components) is above
-    /// [`DOUBTFUL`] times the median. They are hatched in maps and left out of printed extremes.
+    /// Which measured nodes are to be doubted: those whose standard uncertainty (root mean square of its components) is
+    /// above [`DOUBTFUL`] times the median. They are hatched in maps and left out of printed extremes.
     pub fn doubtful(&self) -> Vec<bool> {
         let rms = |s: &[f64; 2]| (0.5 * (s[0] * s[0] + s[1] * s[1])).sqrt();
         let mut known: Vec<f64> =
@@ -240,8 +242,8 @@ impl<U: Length> Measurement<U> {
         self.sigma.iter().zip(&self.measured).map(is_doubtful).collect()
     }
 
-    /// Which elements are hatched in maps: those with a node to be [doubted](Self::doubtful), and those whose displacement is
-    /// marked as doubtful.
+    /// Which elements are hatched in maps: those with a node to be [doubted](Self::doubtful), and those whose
+    /// displacement is marked as doubtful.
     pub fn hatched(&self) -> Vec<bool> {
         let nodes = self.doubtful();
         let by_node = self.mesh.elements().iter().map(|of| of.iter().any(|&node| nodes[node as usize]));

@@ -200,7 +200,8 @@ pub enum Elements {
     /// Bilinear in each element (Q4); the default.
     #[default]
     Bilinear,
-    /// A bicubic spline with knots one element size apart; kept at nodes half as far apart, between which it is bilinear.
+    /// A bicubic spline with knots one element size apart; kept at nodes half as far apart, between which it is
+    /// bilinear.
     CubicSpline,
 }
 

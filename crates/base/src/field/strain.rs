@@ -115,8 +115,8 @@ impl StrainDefinition {
         strain.iter().all(|e| e.is_finite()).then(|| TensorStrain::of_components(strain))
     }
 
-    /// Derivatives of exx, eyy and exy by the components of the displacement gradient, at `gradient`; `None` where the field
-    /// folds. What carries the noise of a gradient to that of its strain.
+    /// Derivatives of exx, eyy and exy by the components of the displacement gradient, at `gradient`; `None` where the
+    /// field folds. What carries the noise of a gradient to that of its strain.
     pub(super) fn slopes(self, gradient: [[f64; 2]; 2]) -> Option<[[[f64; 2]; 2]; 3]> {
         // Central differences of smooth functions of order one: right to about 1e-10.
         const STEP: f64 = 1e-5;

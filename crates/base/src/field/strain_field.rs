@@ -94,8 +94,8 @@ impl StrainElement {
         places.map(move |(corner, place)| (corner, if triangle { [0.5; 2] } else { place }))
     }
 
-    /// The map at local coordinates; `None` where the element is too flat for a gradient. Relative to the area: units do
-    /// not matter. NaN is flat as well.
+    /// The map at local coordinates; `None` where the element is too flat for a gradient. Relative to the area: units
+    /// do not matter. NaN is flat as well.
     fn map_at(&self, at: [f64; 2]) -> Option<LocalMap> {
         let map = self.shape.map_at(at);
         (map.determinant.abs() > 1e-9 * self.area).then_some(map)

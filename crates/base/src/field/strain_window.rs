@@ -1,8 +1,8 @@
 //! Strain over a window of nodes: the virtual strain gauge of the good practice guides.
 //!
-//! A plane is fitted by least squares to each component of the displacement of the nodes around a node; its slopes are the
-//! displacement gradient there. The noise of the slopes follows from that of the nodes and from how it goes together
-//! ([`NodalNoise`](super::NodalNoise) has the same model).
+//! A plane is fitted by least squares to each component of the displacement of the nodes around a node; its slopes are
+//! the displacement gradient there. The noise of the slopes follows from that of the nodes and from how it goes
+//! together ([`NodalNoise`](super::NodalNoise) has the same model).
 
 use super::Measurement;
 use super::quantities::noise::solve_spd;
@@ -18,8 +18,8 @@ use std::sync::{Mutex, PoisonError};
 
 /// Elements around a window that decide about its noise: beyond, correlations change it by less than 1e-4.
 const MARGIN: usize = 4;
-/// Places are rounded to this part of the element size before noise is computed from them, so that windows of one shape have
-/// the same noise to the last bit, wherever they lie.
+/// Places are rounded to this part of the element size before noise is computed from them, so that windows of one shape
+/// have the same noise to the last bit, wherever they lie.
 const GRAIN: f64 = 1.0 / 65536.0;
 /// A window counts when its nodes spread across at least this part (of the variance) of what they do along.
 const LEAST_SPREAD: f64 = 0.01;
@@ -56,15 +56,15 @@ impl StrainWindow {
         self.nodes() / 2
     }
 
-    /// Length of the virtual strain gauge on elements of this size, in its unit: `(N - 1) L_step + L_subset` with the element
-    /// size as step and as subset, so N elements.
+    /// Length of the virtual strain gauge on elements of this size, in its unit: `(N - 1) L_step + L_subset` with the
+    /// element size as step and as subset, so N elements.
     pub fn gauge_length(self, element_size: f64) -> f64 {
         (self.nodes() - 1) as f64 * element_size + element_size
     }
 
     /// `sigma_exx l / sigma_ux` of a node far from the borders, with the size l of square elements: as `NODE_NOISE`
-    /// (super::NODE_NOISE) is for the mean of the elements around a node. eyy likewise; the shear has half the root of the sum of
-    /// both squares.
+    /// (super::NODE_NOISE) is for the mean of the elements around a node. eyy likewise; the shear has half the root of
+    /// the sum of both squares.
     ///
     /// ```
     /// # use quadrille_base as quadrille;
@@ -89,8 +89,9 @@ impl StrainWindow {
         (xx / node).sqrt()
     }
 
-    /// Share of its amplitude that a wave of a strain keeps at a node far from the borders, whose displacement the nodes have
-    /// exactly: plane fitted to sines. `period` in element sizes; exx varies along x, or `across` it, along y.
+    /// Share of its amplitude that a wave of a strain keeps at a node far from the borders, whose displacement the
+    /// nodes have exactly: plane fitted to sines. `period` in element sizes; exx varies along x, or `across` it,
+    /// along y.
     ///
     /// ```
     /// # use quadrille_base as quadrille;
@@ -157,17 +158,17 @@ impl fmt::Display for StrainWindow {
 pub struct WindowStrains {
     /// The window.
     pub window: StrainWindow,
-    /// At each node the strain over the window around it, and the standard uncertainty of exx, eyy and exy; `None` where the
-    /// node is not measured, too few of its window are, or they lie on one line.
+    /// At each node the strain over the window around it, and the standard uncertainty of exx, eyy and exy; `None`
+    /// where the node is not measured, too few of its window are, or they lie on one line.
     pub nodes: Vec<Option<(TensorStrain, [f64; 3])>>,
 }
 
 /// Makes strains over windows of nodes, of one mesh and of any number of fields on it.
 ///
-/// The window of a node holds the measured nodes of the elements within (N - 1)/2 rings around it, through elements with all
-/// nodes measured: N x N nodes of a grid. It does not reach over a hole, a crack or into another zone. All its nodes have one
-/// weight. Where the displacement is a polynomial of the first degree the strain is that of the field, to round-off; on a whole
-/// window of a grid also of one of the second degree.
+/// The window of a node holds the measured nodes of the elements within (N - 1)/2 rings around it, through elements
+/// with all nodes measured: N x N nodes of a grid. It does not reach over a hole, a crack or into another zone. All its
+/// nodes have one weight. Where the displacement is a polynomial of the first degree the strain is that of the field,
+/// to round-off; on a whole window of a grid also of one of the second degree.
 #[derive(Debug)]
 pub struct StrainWindows {
     window: StrainWindow,
@@ -258,8 +259,8 @@ impl StrainWindows {
 
     /// The strains of `field`, which is on the mesh that these windows are made for.
     ///
-    /// What the windows are is kept from field to field; where other nodes are measured than before, it is found anew around
-    /// them.
+    /// What the windows are is kept from field to field; where other nodes are measured than before, it is found anew
+    /// around them.
     ///
     /// # Panics
     /// When the field is on a mesh with another number of nodes.
@@ -443,8 +444,8 @@ impl StrainWindows {
     }
 }
 
-/// The noise of the node in the middle of a patch and of the plane fitted to its first `window` nodes, where the covariance of
-/// the nodes is the inverse of the mass matrix.
+/// The noise of the node in the middle of a patch and of the plane fitted to its first `window` nodes, where the
+/// covariance of the nodes is the inverse of the mass matrix.
 fn noise_of(places: &[[f64; 2]], elements: &[[u32; 4]], window: usize) -> Noise {
     let mut rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); places.len()];
     for nodes in elements {

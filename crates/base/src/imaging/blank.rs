@@ -55,8 +55,8 @@ impl FlatBlocks {
         Self { columns, rows, flat: (0..columns * rows).map(flat).collect() }
     }
 
-    /// Rows, or else columns, that have one grey level all across one of the windows `[x0, y0, x1, y1]` (x1, y1 not included),
-    /// and not in the `reference`; `None` of a whole image.
+    /// Rows, or else columns, that have one grey level all across one of the windows `[x0, y0, x1, y1]` (x1, y1 not
+    /// included), and not in the `reference`; `None` of a whole image.
     ///
     /// ```
     /// # use quadrille_base as quadrille;

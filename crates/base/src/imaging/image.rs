@@ -46,7 +46,8 @@ impl Pixels {
     }
 }
 
-/// Grey levels that belong to somebody else, such as an array of Python, and that do not change while an image of them lives.
+/// Grey levels that belong to somebody else, such as an array of Python, and that do not change while an image of them
+/// lives.
 #[derive(Clone)]
 pub enum SharedPixels {
     /// 8 bit: 0..255.

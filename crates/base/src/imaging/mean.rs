@@ -76,9 +76,9 @@ fn greys(image: &Image, pixels: Range<usize>) -> Vec<f32> {
 }
 
 /// Translation that carries `f` onto `g`, px: one Gauss-Newton step over some 256 rows of the image (THEORY 2 with two
-/// unknowns and an offset of brightness), the gradient being the mean of both images' central differences, which makes the
-/// error of second order. Good for shifts below a pixel; `None` for images of different sizes, below 3 x 3 px, or without
-/// texture in both directions.
+/// unknowns and an offset of brightness), the gradient being the mean of both images' central differences, which makes
+/// the error of second order. Good for shifts below a pixel; `None` for images of different sizes, below 3 x 3 px, or
+/// without texture in both directions.
 ///
 /// ```
 /// # use quadrille_base as quadrille;

@@ -5,11 +5,11 @@ use rayon::prelude::*;
 
 /// Side of the cells in which texture is looked at, px.
 const CELL: usize = 4;
-/// Texture begins where the mean square gradient in the weakest direction is this many times what white noise puts there:
-/// holes and dark backgrounds have 1 to 2, speckles in dim light 4, in good light 20 and more.
+/// Texture begins where the mean square gradient in the weakest direction is this many times what white noise puts
+/// there: holes and dark backgrounds have 1 to 2, speckles in dim light 4, in good light 20 and more.
 const ABOVE_NOISE: f32 = 2.5;
-/// and this share of what the specimen has there in the middle: an eighth in amplitude. Weaker are machined and out-of-focus
-/// surfaces around it.
+/// and this share of what the specimen has there in the middle: an eighth in amplitude. Weaker are machined and
+/// out-of-focus surfaces around it.
 const OF_TYPICAL: f32 = 1.0 / 64.0;
 /// A cell takes part in the texture around it with this share of the mean square gradient there.
 const OF_WINDOW: f32 = 0.2;
@@ -66,9 +66,10 @@ pub struct LeftOut {
 
 impl Specimen {
     /// Looks for the specimen in `image`, for elements of `size` px: where the gradient in its weakest direction stands
-    /// above noise, over windows of an element and a half; without what is clipped, without spots and threads that hold no
-    /// element, and `margin` px away from the border of the image. The outermost cells of a border beside a place without
-    /// texture are left out, since they hold the step to it; holes smaller than an element are not cut out.
+    /// above noise, over windows of an element and a half; without what is clipped, without spots and threads that hold
+    /// no element, and `margin` px away from the border of the image. The outermost cells of a border beside a
+    /// place without texture are left out, since they hold the step to it; holes smaller than an element are not
+    /// cut out.
     ///
     /// The result does not depend on the number of threads (THEORY 2).
     ///
@@ -158,7 +159,8 @@ impl CellGrid {
     }
 }
 
-/// What is summed over a cell: squares and product of the gradient, square of the fourth difference with how many there are, clipped pixels, pixels.
+/// What is summed over a cell: squares and product of the gradient, square of the fourth difference with how many there
+/// are, clipped pixels, pixels.
 const N_SUMS: usize = 7;
 type Sums = [f32; N_SUMS];
 
@@ -246,8 +248,8 @@ fn row_of_cells(image: &Image, row: usize, columns: usize, ends: Option<[f32; 2]
     let mut sums = vec![[0.0; N_SUMS]; columns];
     let first = row * CELL;
     let n_rows = CELL.min(height - first);
-    // The rows that are looked at and those beside them, with two columns more on either side; beyond the image its border
-    // again.
+    // The rows that are looked at and those beside them, with two columns more on either side; beyond the image its
+    // border again.
     let n_lines = if n_rows > 2 { 6 } else { 5 };
     let lines: Vec<Vec<f32>> =
         (0..n_lines).map(|k| line(image, (first + k).saturating_sub(2).min(height - 1))).collect();
@@ -277,8 +279,8 @@ fn row_of_cells(image: &Image, row: usize, columns: usize, ends: Option<[f32; 2]
             add(5, &|out| (0..width).for_each(|x| out[x] = is_end(own[x])));
         }
         (0..columns).for_each(|cell| sums[cell][6] += (((cell + 1) * CELL).min(width) - cell * CELL) as f32);
-        // Fourth differences along both axes, which texture that a camera resolves hardly has: of the first row, and where
-        // the border of the image is not reached.
+        // Fourth differences along both axes, which texture that a camera resolves hardly has: of the first row, and
+        // where the border of the image is not reached.
         if k > 0 || y < 2 || y + 2 >= height || width < 5 {
             continue;
         }

@@ -8,8 +8,8 @@ use crate::isa::{Isa, multiversioned};
 /// nearly positive definite hardly any is, and the band stays narrow.
 const PIVOT_SHARE: f64 = 0.1;
 
-/// Numbers that are worked on side by side. What lies beyond the end of a row or of a column is zero, and counted in up to
-/// the next multiple: no tail is left to go through one by one.
+/// Numbers that are worked on side by side. What lies beyond the end of a row or of a column is zero, and counted in up
+/// to the next multiple: no tail is left to go through one by one.
 const LANES: usize = 8;
 
 /// Lanes of the pivot's row that are held in registers while all rows below are gone through.

@@ -79,7 +79,8 @@ impl Pattern {
         Self { row_starts, columns, incidence_starts, incidence }
     }
 
-    /// The pattern whose rows have blocks in these columns, ascending, each with its own among them. It has no elements.
+    /// The pattern whose rows have blocks in these columns, ascending, each with its own among them. It has no
+    /// elements.
     pub(super) fn of_rows(rows: &[Vec<u32>]) -> Self {
         let mut row_starts = vec![0];
         for row in rows {
@@ -174,8 +175,8 @@ impl Pattern {
         &self.incidence[self.incidence_starts[node] as usize..self.incidence_starts[node + 1] as usize]
     }
 
-    /// The block on the diagonal at `node` of an assembled matrix, as `[xx, xy, yy]`; `entry` is that of an element at a place of its
-    /// [`ElementMatrix`].
+    /// The block on the diagonal at `node` of an assembled matrix, as `[xx, xy, yy]`; `entry` is that of an element at
+    /// a place of its [`ElementMatrix`].
     pub fn diagonal_block(&self, elements: &[[u32; 4]], node: usize, entry: impl Fn(u32, usize) -> f64) -> [f64; 3] {
         let mut sum = [0.0; 3];
         for &(element, corner) in self.elements_of(node) {
@@ -321,8 +322,8 @@ impl BlockMatrix {
         Self { pattern: pattern.clone(), blocks, held: Vec::new() }
     }
 
-    /// Assembles the rows of `nodes` anew, bit for bit as [`BlockMatrix::assemble`] and [`BlockMatrix::hold`] would: for a
-    /// matrix of which some elements have changed, and `nodes`, ascending, all of theirs.
+    /// Assembles the rows of `nodes` anew, bit for bit as [`BlockMatrix::assemble`] and [`BlockMatrix::hold`] would:
+    /// for a matrix of which some elements have changed, and `nodes`, ascending, all of theirs.
     pub fn assemble_rows<M: Borrow<ElementMatrix>>(
         &mut self,
         nodes: &[u32],
@@ -508,8 +509,8 @@ impl BlockMatrix {
     }
 }
 
-/// The row of `node` of a matrix of these `blocks` times `x`, entry by entry of the blocks: the parts of both components of `x` are not
-/// added yet.
+/// The row of `node` of a matrix of these `blocks` times `x`, entry by entry of the blocks: the parts of both
+/// components of `x` are not added yet.
 #[inline(always)]
 pub(super) fn row_sums<T: Copy + Default + Add<Output = T> + Mul<Output = T>>(
     pattern: &Pattern,

@@ -1,8 +1,9 @@
 //! A matrix for conjugate gradients in as few bytes as it takes: what these do most of the time is read it.
 //!
-//! Scaled by the blocks on its diagonal, `L^-1 A L^-T` with `A_ii = L_i L_i^T`, no entry is larger than 1, and the blocks on the diagonal are ones. So
-//! 16 bits tell an entry to 1.5e-5, far below what the solution is wanted to, in whatever direction a node has little texture; and where nodes one
-//! after the other have their neighbours at the same distances, as on a grid, these are said once for all of them.
+//! Scaled by the blocks on its diagonal, `L^-1 A L^-T` with `A_ii = L_i L_i^T`, no entry is larger than 1, and the
+//! blocks on the diagonal are ones. So 16 bits tell an entry to 1.5e-5, far below what the solution is wanted to, in
+//! whatever direction a node has little texture; and where nodes one after the other have their neighbours at the same
+//! distances, as on a grid, these are said once for all of them.
 
 use super::blocks::{BlockMatrix, Pattern, ROWS_OF_A_PART, ranges_mut};
 use super::conjugate_gradients::{BlockJacobi, PIECE, Root, Scaled, conjugate_gradients};
@@ -16,8 +17,8 @@ use std::sync::Arc;
 const SIDE: usize = 8;
 /// Their unknowns.
 const LANES: usize = 2 * SIDE;
-/// Distances to neighbours are said once for the nodes side by side where there are no more than so many for each neighbour of one of them: on a grid there is
-/// one, beside a hole there may be two.
+/// Distances to neighbours are said once for the nodes side by side where there are no more than so many for each
+/// neighbour of one of them: on a grid there is one, beside a hole there may be two.
 const MOST_DISTANCES: usize = 2;
 /// What an entry of 1 is stored as.
 const ONE: f32 = 32767.0;
@@ -195,8 +196,8 @@ impl Compact {
         });
     }
 
-    /// Solves `matrix x = rhs` from zero until the residual has fallen by `reduction`, in the norm of the inverse blocks on the diagonal, or `max_iterations`
-    /// are done. The same bits for any number of threads.
+    /// Solves `matrix x = rhs` from zero until the residual has fallen by `reduction`, in the norm of the inverse
+    /// blocks on the diagonal, or `max_iterations` are done. The same bits for any number of threads.
     pub fn solve(&self, rhs: &[[f32; 2]], reduction: f64, max_iterations: usize) -> Vec<[f32; 2]> {
         let roots = || self.roots.iter().map(Root::single);
         let scaled = roots().zip(rhs).map(|(root, &b)| root.forward(b));
@@ -258,7 +259,8 @@ fn image_body<const FMA: bool>(compact: &Compact, r: &[f32], first: usize, w: &m
 }
 
 impl Compact {
-    /// What the neighbours of a group come to, before it is taken as a part of [`ONE`]: from each component to the same one, and to the other.
+    /// What the neighbours of a group come to, before it is taken as a part of [`ONE`]: from each component to the same
+    /// one, and to the other.
     #[inline(always)]
     fn sums_of(&self, group: usize, r: &[f32]) -> [[f32; LANES]; 2] {
         let (margin, slots) = (self.places.margin, &self.slots[self.places.slots(group..group + 1)]);
@@ -368,7 +370,8 @@ mod tests {
             let wide: Vec<[f64; 2]> = rhs.iter().map(|b| b.map(f64::from)).collect();
             let (want, _) = jacobi.solve(&matrix, &wide, 1e-12, 1000);
             let got = compact.solve(&rhs, 1e-5, 200);
-            // In the norm of the matrix, scaled, whose eigenvalues are a tenth and more: 16 entries of a row are off by 1.5e-5 at most, not all to one side.
+            // In the norm of the matrix, scaled, whose eigenvalues are a tenth and more: 16 entries of a row are off by
+            // 1.5e-5 at most, not all to one side.
             let apart: Vec<[f64; 2]> =
                 want.iter().zip(&got).map(|(a, b)| [a[0] - f64::from(b[0]), a[1] - f64::from(b[1])]).collect();
             let energy = |x: &[[f64; 2]]| {

@@ -1,4 +1,5 @@
-//! Conjugate gradients with the inverse nodal blocks as preconditioner: on the matrix scaled by the blocks on its diagonal, which is the same.
+//! Conjugate gradients with the inverse nodal blocks as preconditioner: on the matrix scaled by the blocks on its
+//! diagonal, which is the same.
 //!
 //! Products and updates run in vector lanes along the entries of a block and the components of a node, without fused
 //! multiply-adds: every instruction path gives the same bits.
@@ -10,10 +11,11 @@ use std::ops::{Add, Mul, Sub};
 
 /// Nodes per piece of work: fixed, so that sums have the same order for any number of threads.
 pub(super) const PIECE: usize = 2048;
-/// Rows of a product whose sums are kept beside each other, and whose parts of a sum over all rows are added up in the precision of the
-/// vectors.
+/// Rows of a product whose sums are kept beside each other, and whose parts of a sum over all rows are added up in the
+/// precision of the vectors.
 const ROWS: usize = 64;
-/// Up to this many nodes one thread does all pieces: waking others, twice in an iteration, costs more than they would save.
+/// Up to this many nodes one thread does all pieces: waking others, twice in an iteration, costs more than they would
+/// save.
 const ALONE_UP_TO: usize = 6144;
 
 /// The inverses of the 2x2 blocks on the diagonal.
@@ -88,7 +90,8 @@ impl Real for f32 {
     }
 }
 
-/// The inverse of the triangle `L` of a block on the diagonal, `L L^T`: `[[xx, 0], [yx, yy]]`. Zero of one that is not positive definite.
+/// The inverse of the triangle `L` of a block on the diagonal, `L L^T`: `[[xx, 0], [yx, yy]]`. Zero of one that is not
+/// positive definite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Root<T> {
     xx: T,
@@ -138,7 +141,8 @@ pub(super) trait Scaled<T>: Sync {
     /// How far before the first node and behind the last [`Scaled::image`] may read.
     fn margin(&self) -> usize;
 
-    /// The image `w` of `r` at the nodes from `first` on, which begin a piece, and `r . w` there; `r` begins at its margin.
+    /// The image `w` of `r` at the nodes from `first` on, which begin a piece, and `r . w` there; `r` begins at its
+    /// margin.
     fn image(&self, isa: Isa, r: &[[T; 2]], first: usize, w: &mut [[T; 2]]) -> f64;
 }
 

@@ -38,8 +38,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 impl Envelope {
-    /// The factor of the symmetric matrix of size `n` with these entries up to the diagonal (row, column, value; what is there more
-    /// than once is added up); `None` when it is not positive definite.
+    /// The factor of the symmetric matrix of size `n` with these entries up to the diagonal (row, column, value; what
+    /// is there more than once is added up); `None` when it is not positive definite.
     pub fn new(n: usize, of_matrix: &[(usize, usize, f64)]) -> Option<Self> {
         let mut rows: Vec<Row> = (0..n).map(|k| Row { first: k, at: 0, diagonal: 0.0 }).collect();
         for &(row, column, _) in of_matrix {

@@ -15,8 +15,8 @@ const MAX_ITERATIONS: usize = 100;
 const PIECE: usize = 1024;
 /// Nodes that one thread does by themselves, in its cache.
 const TILE: usize = 2048;
-/// and with them those at most so many steps away, as far as loads of one colour are apart; all others are held meanwhile, which takes
-/// about 0.27^10 = 2e-6 of a variance.
+/// and with them those at most so many steps away, as far as loads of one colour are apart; all others are held
+/// meanwhile, which takes about 0.27^10 = 2e-6 of a variance.
 const RINGS: usize = 5;
 
 type Lanes = [f32; LANES];
@@ -35,9 +35,9 @@ pub fn inverse_diagonal(isa: Isa, matrix: &BlockMatrix, jacobi: &BlockJacobi, co
 /// As [`inverse_diagonal`] for `A` (`matrix`), and with it the diagonal of `A^-1 B A^-1` for a second matrix `B` on the
 /// same pattern: `(diagonal of A^-1, diagonal of A^-1 B A^-1)`.
 ///
-/// With the column `x` of the inverse the second is `x . B x`. Where `B` is about a multiple of `A`, `B x` is about that
-/// multiple of a unit load, so that a sum over the node and its neighbours is enough: exact then, else short of terms of
-/// second order in how uneven the two are, from two steps away.
+/// With the column `x` of the inverse the second is `x . B x`. Where `B` is about a multiple of `A`, `B x` is about
+/// that multiple of a unit load, so that a sum over the node and its neighbours is enough: exact then, else short of
+/// terms of second order in how uneven the two are, from two steps away.
 ///
 /// # Panics
 /// When the patterns differ.
@@ -52,8 +52,8 @@ pub fn inverse_diagonal_with(
     probed(isa, matrix, jacobi, colour, Some(second), |node| node)
 }
 
-/// As [`inverse_diagonal_with`] for the parts of two matrices at the `nodes` of a mesh, with the signs that these have in the
-/// whole: what leaks is then the same.
+/// As [`inverse_diagonal_with`] for the parts of two matrices at the `nodes` of a mesh, with the signs that these have
+/// in the whole: what leaks is then the same.
 pub fn inverse_diagonal_of_part(
     isa: Isa,
     (matrix, second): (&BlockMatrix, &BlockMatrix),
@@ -64,7 +64,8 @@ pub fn inverse_diagonal_of_part(
     probed(isa, matrix, &BlockJacobi::new(matrix), colour, Some(second), |node| nodes[node] as usize)
 }
 
-/// Group by group of nodes, each done by one thread with its vectors in the cache: over all nodes they would come from memory, a dozen times.
+/// Group by group of nodes, each done by one thread with its vectors in the cache: over all nodes they would come from
+/// memory, a dozen times.
 fn probed(
     isa: Isa,
     matrix: &BlockMatrix,

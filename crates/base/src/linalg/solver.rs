@@ -1,4 +1,5 @@
-//! The solver of the normal equations: conjugate gradients, or a factor where something else than the images holds the solution.
+//! The solver of the normal equations: conjugate gradients, or a factor where something else than the images holds the
+//! solution.
 
 use super::blocks::{BlockMatrix, ElementMatrix};
 use super::cholesky::{Cholesky, NotPositiveDefinite};
@@ -9,19 +10,19 @@ use super::subspace::Subspace;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Fall of the residual that conjugate gradients are asked for. The Gauss-Newton iteration contracts
-/// about ninefold, so that a correction exact to 1 % would do; but what hardly any texture determines comes last, and with 1 % two devices
-/// ended 0.002 of a standard uncertainty apart there.
+/// about ninefold, so that a correction exact to 1 % would do; but what hardly any texture determines comes last, and
+/// with 1 % two devices ended 0.002 of a standard uncertainty apart there.
 const REDUCTION: f64 = 3e-3;
-/// The same where elements at the border have lost pixels: their share of the residual is small, and they are the last to
-/// settle.
+/// The same where elements at the border have lost pixels: their share of the residual is small, and they are the last
+/// to settle.
 pub const REDUCTION_CHANGED: f64 = 1e-3;
 const MAX_ITERATIONS: usize = 60;
 
 /// Which solver to use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SolverChoice {
-    /// Block-Jacobi conjugate gradients: on meshes of any size they are faster than to solve with a factor, and nothing has to be made
-    /// first (`cargo bench --bench report -- solvers`).
+    /// Block-Jacobi conjugate gradients: on meshes of any size they are faster than to solve with a factor, and nothing
+    /// has to be made first (`cargo bench --bench report -- solvers`).
     #[default]
     Iterative,
     /// Sparse Cholesky factor.
@@ -41,8 +42,8 @@ pub struct Solver {
     responses: Option<Arc<[Vec<[f64; 2]>; 2]>>,
     /// Of one that was made of another, the nodes whose rows differ, see [`Solver::change_rows`].
     changed: Option<Vec<u32>>,
-    /// Systems of solvers that were made of this one and are no longer used, with the nodes whose rows differ: what the next one is made
-    /// in, since to copy a whole matrix takes longer than the rows that change.
+    /// Systems of solvers that were made of this one and are no longer used, with the nodes whose rows differ: what
+    /// the next one is made in, since to copy a whole matrix takes longer than the rows that change.
     spare: Mutex<Vec<(System, Vec<u32>)>>,
 }
 
@@ -64,7 +65,8 @@ impl System {
         Self { matrix, jacobi, compact: OnceLock::new() }
     }
 
-    /// Made first and kept then: whoever waits for parts of it may take up another frame, which must not wait for this one.
+    /// Made first and kept then: whoever waits for parts of it may take up another frame, which must not wait for this
+    /// one.
     fn compact(&self) -> &Compact {
         if let Some(compact) = self.compact.get() {
             return compact;
@@ -168,8 +170,8 @@ impl Solver {
         Ok(Self { factor, regularised: Some(Regularised { data, penalty }), ..Self::iterative(sum) })
     }
 
-    /// The solver of `data` and a penalty that acts over a few elements only: conditioned well enough for conjugate gradients, which on a
-    /// large mesh cost less than a factor.
+    /// The solver of `data` and a penalty that acts over a few elements only: conditioned well enough for conjugate
+    /// gradients, which on a large mesh cost less than a factor.
     ///
     /// # Panics
     /// When the pattern of `data` does not lie within that of `penalty`.
@@ -188,8 +190,8 @@ impl Solver {
         Ok(Self { within: Some(Within { subspace, factor }), ..Self::iterative(data) })
     }
 
-    /// Conjugate gradients for the same matrix with the rows of `nodes` assembled anew, see [`BlockMatrix::assemble`]: for a
-    /// solver without penalty of which some elements have changed, and `nodes` all of theirs.
+    /// Conjugate gradients for the same matrix with the rows of `nodes` assembled anew, see [`BlockMatrix::assemble`]:
+    /// for a solver without penalty of which some elements have changed, and `nodes` all of theirs.
     pub fn change_rows<'a>(
         &self,
         nodes: &[u32],
@@ -243,7 +245,8 @@ impl Solver {
     }
 
     /// The correction of `displacement` for the right-hand side `rhs` of the data. A penalty acts on the whole
-    /// displacement and not on its correction: `(M + w R) da = b - w R a` (THEORY 2). So does a subspace, into which it leads.
+    /// displacement and not on its correction: `(M + w R) da = b - w R a` (THEORY 2). So does a subspace, into which it
+    /// leads.
     pub fn correction(&self, mut rhs: Vec<[f64; 2]>, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
         if let Some(within) = &self.within {
             for (node, b) in rhs.iter_mut().enumerate() {
@@ -333,8 +336,8 @@ impl Solver {
         self.jacobi().solve(self.matrix(), &rhs, reduction, most).1.iterations
     }
 
-    /// Solves for `rhs`: to the digits of its factor (double with a penalty, else single), without one to 0.3 % or less, in single
-    /// precision; any of these is enough inside an outer iteration.
+    /// Solves for `rhs`: to the digits of its factor (double with a penalty, else single), without one to 0.3 % or
+    /// less, in single precision; any of these is enough inside an outer iteration.
     pub fn solve(&self, mut rhs: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
         if let Some(within) = &self.within {
             return within.solution(rhs, self.matrix().held());

@@ -122,7 +122,8 @@ impl SparseMatrix {
         &mut self.values
     }
 
-    /// Where the value of each entry's mirror image is, in the order of [`SparsePattern::place`]; `None` where one is not stored.
+    /// Where the value of each entry's mirror image is, in the order of [`SparsePattern::place`]; `None` where one is
+    /// not stored.
     pub fn mirror(&self) -> Option<Vec<u32>> {
         let of_column = |column: usize| self.pattern.column(column).iter().map(move |&row| (column, row as usize));
         let entries = (0..self.pattern.n()).flat_map(of_column);

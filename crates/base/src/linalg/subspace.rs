@@ -8,9 +8,9 @@ use super::spread::Spread;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Weight of the second differences along the lines of functions, in the mean diagonal entry of the matrix of the data: it decides where a
-/// border leaves next to nothing of a function. Of a wave of four knots it takes 5e-5; the ends of lines are drawn towards straight ones by
-/// 1e-3 of what the field bends there from knot to knot.
+/// Weight of the second differences along the lines of functions, in the mean diagonal entry of the matrix of the data:
+/// it decides where a border leaves next to nothing of a function. Of a wave of four knots it takes 5e-5; the ends of
+/// lines are drawn towards straight ones by 1e-3 of what the field bends there from knot to knot.
 const OF_LINES: f64 = 1e-5;
 
 /// Pieces of work of which each has a row of all nodes, or functions, of its own.
@@ -78,8 +78,9 @@ pub struct Subspace {
 }
 
 impl Subspace {
-    /// From the functions of every node and their values there; the functions that each is coupled with by an element, ascending, itself
-    /// among them; three that follow each other on a line, each time; and where their middles are.
+    /// From the functions of every node and their values there; the functions that each is coupled with by an element,
+    /// ascending, itself among them; three that follow each other on a line, each time; and where their middles
+    /// are.
     ///
     /// # Panics
     /// When a line joins functions that are not coupled.
@@ -108,8 +109,8 @@ impl Subspace {
         self.of_functions.times(of_nodes)
     }
 
-    /// The matrix of the functions, `B^T M B` with next to nothing of the second differences, of a matrix `data` of the nodes. Nodes
-    /// that it holds take no part.
+    /// The matrix of the functions, `B^T M B` with next to nothing of the second differences, of a matrix `data` of the
+    /// nodes. Nodes that it holds take no part.
     pub fn matrix(&self, data: &BlockMatrix) -> BlockMatrix {
         self.matrix_of(data, &(0..self.n_functions() as u32).collect::<Vec<_>>(), &self.pattern, &self.lines)
     }
@@ -189,8 +190,9 @@ impl Subspace {
         Cholesky::in_pieces(matrix, &self.order)
     }
 
-    /// Variances and degrees of freedom of the solution `a = B (B^T M B)^-1 B^T b` at the nodes, where `b` has the covariance `M`
-    /// (`data`) and the matrix of the functions this `factor`: the diagonals of `B (B^T M B)^-1 B^T` and of its product with `M`.
+    /// Variances and degrees of freedom of the solution `a = B (B^T M B)^-1 B^T b` at the nodes, where `b` has the
+    /// covariance `M` (`data`) and the matrix of the functions this `factor`: the diagonals of `B (B^T M B)^-1 B^T`
+    /// and of its product with `M`.
     pub fn spread(&self, data: &BlockMatrix, factor: &Cholesky) -> Spread {
         let inverse = inverse_by(factor, &self.order, &self.pattern);
         let number: Vec<u32> = (0..self.n_functions() as u32).collect();
@@ -198,7 +200,8 @@ impl Subspace {
         self.spread_by(data, &inverse, &number, &nodes)
     }
 
-    /// The same at `redone` with the functions that have no value at any node but the `free`, both ascending, as if all others were held.
+    /// The same at `redone` with the functions that have no value at any node but the `free`, both ascending, as if all
+    /// others were held.
     ///
     /// # Errors
     /// As [`Subspace::factor`].

@@ -26,7 +26,8 @@ impl Mesh<Px> {
     /// A pixel of that image is counted when the material in it was counted before: when the material point that the
     /// map of its element brings to the pixel's centre lies in a pixel of `counted`, the sets of the zones of this mesh
     /// that are summed over. Polygons, masks and guards so move with the material. Elements all of whose pixels were
-    /// counted count all. A pixel that two zones claim, since they are measured apart from each other, goes to the first.
+    /// counted count all. A pixel that two zones claim, since they are measured apart from each other, goes to the
+    /// first.
     ///
     /// # Errors
     /// [`MeshError::BadElement`] for an element that is folded at `moved`, with its number in this mesh's zone;

@@ -1,7 +1,7 @@
 //! Cuts through a mesh: cracks and joints.
 //!
-//! The nodes of the grid that are nearest to the path are moved onto it, so that edges of elements follow it, and are doubled there
-//! (docs/correlation.md, 2.12). A cell that the path crosses from corner to corner becomes two triangles.
+//! The nodes of the grid that are nearest to the path are moved onto it, so that edges of elements follow it, and are
+//! doubled there (docs/correlation.md, 2.12). A cell that the path crosses from corner to corner becomes two triangles.
 
 use super::grid::Grid;
 use super::q4::{Mesh, Part, turn};
@@ -15,7 +15,8 @@ pub struct FacePoint {
     pub along: f64,
     /// Position of both nodes in the reference.
     pub at: [f64; 2],
-    /// Unit normal, from `-` to `+`; the path goes along `(-n_y, n_x)`. For a path that goes to the right `+` is above.
+    /// Unit normal, from `-` to `+`; the path goes along `(-n_y, n_x)`. For a path that goes to the right `+` is
+    /// above.
     pub normal: [f64; 2],
     /// The node on the side `+`.
     pub plus: usize,
@@ -147,7 +148,8 @@ impl Lattice {
         pieces
     }
 
-    /// Goes on to the border when the end of a path lies beside it: what would be left between would hang by half an element.
+    /// Goes on to the border when the end of a path lies beside it: what would be left between would hang by half an
+    /// element.
     fn to_border(&self, piece: &mut [[f64; 2]]) {
         for _ in 0..2 {
             let n = piece.len();
@@ -225,8 +227,8 @@ fn connect(chain: &mut Vec<Moved>, next: Moved) {
 /// How far from the path the nodes beside it move along, in elements.
 const RINGS: usize = 2;
 
-/// The part of a grid, cut along `paths`: nodes on the paths are doubled, but for ends inside. `None` when no path goes along an
-/// edge.
+/// The part of a grid, cut along `paths`: nodes on the paths are doubled, but for ends inside. `None` when no path goes
+/// along an edge.
 pub(super) fn cut(part: &Part, paths: &[Vec<[f64; 2]>]) -> Option<Part> {
     let lattice = Lattice::of(part)?;
     let mut moved: HashMap<[i64; 2], [f64; 2]> = HashMap::new();
@@ -263,7 +265,8 @@ pub(super) fn cut(part: &Part, paths: &[Vec<[f64; 2]>]) -> Option<Part> {
     Some(Part { name: part.name.clone(), nodes, elements, grid: None })
 }
 
-/// The nodes with those on the paths moved onto them, and those beside them moved along, so that elements keep their size.
+/// The nodes with those on the paths moved onto them, and those beside them moved along, so that elements keep their
+/// size.
 fn placed(part: &Part, lattice: &Lattice, moved: &HashMap<[i64; 2], [f64; 2]>) -> Vec<[f64; 2]> {
     let mut offset: BTreeMap<[i64; 2], [f64; 2]> = BTreeMap::new();
     for (&place, &at) in moved.iter().filter(|(place, _)| lattice.node_at.contains_key(*place)) {
@@ -299,7 +302,8 @@ fn placed(part: &Part, lattice: &Lattice, moved: &HashMap<[i64; 2], [f64; 2]>) -
     nodes
 }
 
-/// The elements, with those that are cut across, or are not convex any more, as two triangles. `None` when one is folded.
+/// The elements, with those that are cut across, or are not convex any more, as two triangles. `None` when one is
+/// folded.
 fn divided(
     part: &Part,
     lattice: &Lattice,
@@ -378,8 +382,8 @@ fn doubled(mut nodes: Vec<[f64; 2]>, mut elements: Vec<[u32; 4]>, cut_edges: &Ha
 }
 
 impl Mesh<Px> {
-    /// For each node a point that tells it from others in the same place: the node itself, or, for a node of a cut, a point a little
-    /// inside its own elements.
+    /// For each node a point that tells it from others in the same place: the node itself, or, for a node of a cut, a
+    /// point a little inside its own elements.
     pub fn sides(&self) -> Vec<[f64; 2]> {
         const INTO: f64 = 0.25; // of the way to the middle of its elements
         let mut sides = self.nodes().to_vec();
@@ -429,8 +433,8 @@ impl<U: Length> Mesh<U> {
         coincident(self).into_iter().flatten().collect()
     }
 
-    /// The cut along a path: the doubled nodes on it, each pair by its side, and the ends that are joined. Without a node there
-    /// when the mesh is not cut along the path.
+    /// The cut along a path: the doubled nodes on it, each pair by its side, and the ends that are joined. Without a
+    /// node there when the mesh is not cut along the path.
     pub fn cut_faces(&self, path: &[[f64; 2]]) -> CutFaces {
         let reach = 0.75 * self.element_size();
         let groups: Vec<Vec<usize>> = coincident(self)

@@ -6,9 +6,10 @@ use super::{MeshError, ZoneElements};
 type Point = [f64; 2];
 
 impl ZoneElements {
-    /// Elements of about `size` px on the convex quadrilateral with these corners: as many as fit best between corners 0 and 1, by as
-    /// many as fit best between corners 1 and 2 and between 3 and 0 in the mean, at least one. Nodes lie on straight lines from side
-    /// to side, where the bilinear map of a square has them; they are numbered from corner 0, first towards corner 1.
+    /// Elements of about `size` px on the convex quadrilateral with these corners: as many as fit best between corners
+    /// 0 and 1, by as many as fit best between corners 1 and 2 and between 3 and 0 in the mean, at least one. Nodes
+    /// lie on straight lines from side to side, where the bilinear map of a square has them; they are numbered from
+    /// corner 0, first towards corner 1.
     ///
     /// ```
     /// # use quadrille_base as quadrille;
@@ -19,7 +20,8 @@ impl ZoneElements {
     /// ```
     ///
     /// # Errors
-    /// Corners that are no positions ([`MeshError::NotFinite`]) or go around no convex quadrilateral ([`MeshError::NotConvex`]).
+    /// Corners that are no positions ([`MeshError::NotFinite`]) or go around no convex quadrilateral
+    /// ([`MeshError::NotConvex`]).
     pub fn mapped(name: impl Into<String>, corners: [Point; 4], size: f64) -> Result<Self, MeshError> {
         let name = name.into();
         if let Some(corner) = corners.iter().position(|p| !p.iter().all(|v| v.is_finite())) {

@@ -66,7 +66,8 @@ impl Guard {
 pub struct Crack {
     /// Points of the path in order, px. An end inside the zone stays joined: a tip.
     pub path: Vec<[f64; 2]>,
-    /// Pixels whose centre is nearer to the path are left out of all sums, px: the gap of the open crack is no specimen.
+    /// Pixels whose centre is nearer to the path are left out of all sums, px: the gap of the open crack is no
+    /// specimen.
     pub guard: f64,
 }
 
@@ -153,7 +154,8 @@ pub struct Zone {
     pub elements: Option<Arc<ZoneElements>>,
     /// Pixels along the border that are left out.
     pub guard: Guard,
-    /// Paths along which its mesh is cut. A zone with elements of its own is not cut again: there they are for coarser levels.
+    /// Paths along which its mesh is cut. A zone with elements of its own is not cut again: there they are for coarser
+    /// levels.
     pub cracks: Vec<Crack>,
 }
 

@@ -84,8 +84,8 @@ fn of_region(zone: &Zone, [width, height]: [usize; 2], of_elements: Option<Pixel
     Ok(ZonePixels { all, guarded })
 }
 
-/// The pixels of `set` whose centre is at least `width` from `line`. A line that is no side of whole pixels cuts them anywhere, so
-/// that the centre stands for the pixel here.
+/// The pixels of `set` whose centre is at least `width` from `line`. A line that is no side of whole pixels cuts them
+/// anywhere, so that the centre stands for the pixel here.
 fn beside(set: &PixelSet, frame: [usize; 4], line: &[[f64; 2]], width: f64) -> PixelSet {
     PixelSet::raster(frame, |x, y| {
         let centre = [x as f64, y as f64];

@@ -470,11 +470,13 @@ A fit takes over the warnings of its correlation. Of several tests, `values` hol
 pub fn remark_reference() -> String {
     let mut page = HEAD.to_owned();
     for (chapter, codes) in Code::CHAPTERS {
-        page.push_str(&format!("\n## {chapter}\n"));
+        page.push_str(&format!(
+            "\n## {chapter}\n\n| code | severity | what it means | what to do |\n|---|---|---|---|\n"
+        ));
         for code in *codes {
             let (name, severity) = (code.name(), code.severity().name());
             let (title, meaning, remedy) = (code.title(), code.meaning(), code.remedy());
-            page.push_str(&format!("\n### {name}\n\n{title} *{severity}*\n\n{meaning}\n\nWhat to do: {remedy}\n"));
+            page.push_str(&format!("| `{name}` | {severity} | {title} {meaning} | {remedy} |\n"));
         }
     }
     page

@@ -30,8 +30,8 @@ impl AdapterKind {
         }
     }
 
-    /// Most threads that work side by side in one element. A card with few wide elements would have too few of them; on a
-    /// software device nothing is idle, and their sums cost a tenth more of a pass with elements of 32 px.
+    /// Most threads that work side by side in one element. A card with few wide elements would have too few of them; on
+    /// a software device nothing is idle, and their sums cost a tenth more of a pass with elements of 32 px.
     #[cfg(feature = "gpu")]
     pub(super) fn most_lanes(self) -> u32 {
         if self == Self::Software { 16 } else { 64 }
@@ -79,16 +79,18 @@ pub struct GpuOptions {
     pub auto_from_px: Option<u64>,
     /// Whether it is taken at its word: not compared with the CPU, neither when it is opened nor in a series.
     pub trusted: bool,
-    /// A text of the shaders and what stands in its place: to test what happens on a device that computes something else.
+    /// A text of the shaders and what stands in its place: to test what happens on a device that computes something
+    /// else.
     pub altered: Option<[String; 2]>,
     /// Whether it is altered only once it was compared with the CPU.
     pub altered_later: bool,
     /// Largest binding to use, bytes, below what the adapter offers: to test how images are split.
     pub max_binding_bytes: Option<u64>,
-    /// Most threads side by side in an element, rounded down to a power of two from 4 to 64, whatever kind of device it is: to test
-    /// on a software device what cards do.
+    /// Most threads side by side in an element, rounded down to a power of two from 4 to 64, whatever kind of device
+    /// it is: to test on a software device what cards do.
     pub most_lanes: Option<u32>,
-    /// Whether there is no device, and every frame ends at once as the first: to measure what the host does. Nothing is measured then.
+    /// Whether there is no device, and every frame ends at once as the first: to measure what the host does. Nothing
+    /// is measured then.
     pub instant: bool,
     /// Readbacks after which the device fails, as a lost one would: to test what happens then.
     pub fail_after: Option<usize>,

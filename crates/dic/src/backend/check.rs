@@ -1,8 +1,8 @@
 //! Whether a graphics device computes what the CPU does: small pairs of images through every kernel of both.
 //!
-//! An iteration on a device that is wrong in its matrix ends late or never. On one that is wrong in its residual (a sum that
-//! loses a lane, a place of sampling that is off, a wrong gain of the prefilter) it ends as converged, somewhere else, with
-//! nothing to tell: only another device can.
+//! An iteration on a device that is wrong in its matrix ends late or never. On one that is wrong in its residual (a sum
+//! that loses a lane, a place of sampling that is off, a wrong gain of the prefilter) it ends as converged, somewhere
+//! else, with nothing to tell: only another device can.
 
 use super::cpu::CpuBackend;
 use super::{Ahead, Backend, BackendError, ElementMoments, GreyTransfer, KernelOptions, PixelSums, Place, couple};

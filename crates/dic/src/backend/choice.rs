@@ -115,8 +115,8 @@ fn list_adapters(adapters: &Adapters) -> String {
     names.join(", ")
 }
 
-/// Pixels of all frames from which on a graphics device is looked for by itself: loading drivers, opening and comparing a device
-/// takes as long as a core takes for some hundred million.
+/// Pixels of all frames from which on a graphics device is looked for by itself: loading drivers, opening and comparing
+/// a device takes as long as a core takes for some hundred million.
 pub const AUTO_FROM_PX: u64 = 200_000_000;
 
 /// A device that is used, and can be opened anew.
@@ -130,7 +130,8 @@ pub struct Device {
 }
 
 impl Device {
-    /// The device of `choice` for so many pixels of all frames together; work on the CPU takes the instruction path `isa`.
+    /// The device of `choice` for so many pixels of all frames together; work on the CPU takes the instruction path
+    /// `isa`.
     ///
     /// # Errors
     /// When there is none such.

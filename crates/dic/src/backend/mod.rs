@@ -116,7 +116,8 @@ pub struct KernelOptions {
     pub interpolation: Interpolation,
     /// Grey level subtracted from all images of the series, so that `f32` sums keep their digits.
     pub grey_offset: f32,
-    /// Unit of the reference's gradient, grey levels per px: a power of two, in whole numbers of which it is kept in 16 bits.
+    /// Unit of the reference's gradient, grey levels per px: a power of two, in whole numbers of which it is kept in
+    /// 16 bits.
     pub gradient_unit: f32,
     /// How brightness and contrast are followed.
     pub brightness: Brightness,
@@ -130,10 +131,11 @@ impl KernelOptions {
     }
 }
 
-/// The unit in which gradients of an image are kept as whole 16-bit numbers, whose grey levels have this `range`: the smallest power of two
-/// (which multiplies without loss) of which 32 767 are at least twice the range. At a pixel a spline rises by 1.5 of the range at most (quintic; cubic 1.1); on the border of
-/// an image that is black and white by turns by 2.15 of it, which end at 2. What rounding takes is half a unit, 1/16 000 of the range at most: in 8 bits a hundredth of
-/// what noise of one grey level makes of a gradient.
+/// The unit in which gradients of an image are kept as whole 16-bit numbers, whose grey levels have this `range`: the
+/// smallest power of two (which multiplies without loss) of which 32 767 are at least twice the range. At a pixel a
+/// spline rises by 1.5 of the range at most (quintic; cubic 1.1); on the border of an image that is black and white by
+/// turns by 2.15 of it, which end at 2. What rounding takes is half a unit, 1/16 000 of the range at most: in 8 bits a
+/// hundredth of what noise of one grey level makes of a gradient.
 fn gradient_unit(range: f32) -> f32 {
     let exponent = (2.0 * f64::from(range) / 32_767.0).log2().ceil();
     // Of an image without contrast, or of grey levels that are no numbers, any will do.
@@ -143,7 +145,8 @@ fn gradient_unit(range: f32) -> f32 {
 /// An element of which less than this share of its pixels is inside the deformed image is left out: it
 /// would say too little about its far nodes.
 const KEPT_SHARE: f64 = 0.5;
-/// Of small elements it is so many px of a side, in which one row of pixels more or less does not decide where the node beyond it goes,
+/// Of small elements it is so many px of a side, in which one row of pixels more or less does not decide where the node
+/// beyond it goes,
 const KEPT_PX: f64 = 6.4;
 /// but never more than this share.
 const KEPT_MOST: f64 = 0.95;
@@ -152,13 +155,15 @@ const BACK_MORE: f64 = 0.1;
 /// One that has been left out so often in a field stays so: a node beside it would go in and out with it for ever.
 pub const STAYS_OUT: u32 = 3;
 
-/// Shares of its pixels that an element of this size, px, must keep inside the deformed image, and get back once it has been left out.
+/// Shares of its pixels that an element of this size, px, must keep inside the deformed image, and get back once it has
+/// been left out.
 pub fn kept_and_back_share(element_size: f64) -> [f64; 2] {
     let kept = (KEPT_PX / element_size).clamp(KEPT_SHARE, KEPT_MOST);
     [kept, (kept + BACK_MORE).min(1.0)]
 }
 
-/// Where the two images are correlated less than this, a change of light says nothing of how the displacement follows it.
+/// Where the two images are correlated less than this, a change of light says nothing of how the displacement follows
+/// it.
 pub const COUPLED: f64 = 0.9;
 
 /// An element that has lost more than this share of its pixels makes the constant matrix too stiff for the
@@ -182,8 +187,9 @@ pub struct Step {
     pub lost: usize,
 }
 
-/// When steps may follow one, with the same solver and the same scale, before the host has seen what that came to: the way to a device and back is
-/// then saved. They are not made where any of this does not hold. Twin: shaders/largest.wgsl.
+/// When steps may follow one, with the same solver and the same scale, before the host has seen what that came to: the
+/// way to a device and back is then saved. They are not made where any of this does not hold. Twin:
+/// shaders/largest.wgsl.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ahead {
     /// So many at most.
@@ -240,7 +246,8 @@ pub struct Traffic {
 /// A device that correlates: images and fields live on it, small sums come back.
 ///
 /// The correlator decides (levels, starts, when to stop, what to report); a backend does what touches
-/// pixels or runs inside the iteration. Implementations give the same numbers within round-off. Copies share the device.
+/// pixels or runs inside the iteration. Implementations give the same numbers within round-off. Copies share the
+/// device.
 pub trait Backend: Clone + Send + Sync + 'static {
     /// An image with its pyramid, on the device.
     type Frame: Send + 'static;
@@ -361,11 +368,12 @@ pub trait Backend: Clone + Send + Sync + 'static {
         field: &mut Self::Field,
     ) -> Result<Vec<(PixelSums, GreyTransfer)>, BackendError>;
 
-    /// One Gauss-Newton step: right-hand side, solution, update of the field by `scale` times the correction, and of its
-    /// transfer. `scale` is `damping (cos a, sin a)`: each correction is turned by the angle a of the field, since the
-    /// matrix is made of gradients of the reference, which are turned in the deformed image. Beside the damping, which is of all,
-    /// each node is moved by as much of its correction as the fall of its last one tells. A device may make those after it too, as far as `ahead`
-    /// allows it, and give them back when they are asked for; until then nothing else may be asked of the field.
+    /// One Gauss-Newton step: right-hand side, solution, update of the field by `scale` times the correction, and of
+    /// its transfer. `scale` is `damping (cos a, sin a)`: each correction is turned by the angle a of the field,
+    /// since the matrix is made of gradients of the reference, which are turned in the deformed image. Beside the
+    /// damping, which is of all, each node is moved by as much of its correction as the fall of its last one tells.
+    /// A device may make those after it too, as far as `ahead` allows it, and give them back when they are asked
+    /// for; until then nothing else may be asked of the field.
     ///
     /// # Errors
     /// When the device fails.
@@ -379,8 +387,8 @@ pub trait Backend: Clone + Send + Sync + 'static {
         ahead: &Ahead,
     ) -> Result<Step, BackendError>;
 
-    /// Takes the correction of the last step back and makes another one with `solver` from the same sums: for a frame that
-    /// turned out to have lost pixels. As after [`Backend::step`] others may follow.
+    /// Takes the correction of the last step back and makes another one with `solver` from the same sums: for a frame
+    /// that turned out to have lost pixels. As after [`Backend::step`] others may follow.
     ///
     /// # Errors
     /// When the device fails.
@@ -417,8 +425,8 @@ pub trait Backend: Clone + Send + Sync + 'static {
         field: &Self::Field,
     ) -> Result<Vec<(usize, ElementMoments)>, BackendError>;
 
-    /// The sums of the last evaluation, per element, none of elements that are left out; and the transfer of grey levels
-    /// per zone, which has followed them.
+    /// The sums of the last evaluation, per element, none of elements that are left out; and the transfer of grey
+    /// levels per zone, which has followed them.
     ///
     /// # Errors
     /// When the device fails.
@@ -442,8 +450,8 @@ pub trait Backend: Clone + Send + Sync + 'static {
         excluded: &[bool],
     ) -> Result<(), BackendError>;
 
-    /// The sums of the last evaluation, per element, those of excluded elements too; none of elements that have left the
-    /// deformed image or are not active.
+    /// The sums of the last evaluation, per element, those of excluded elements too; none of elements that have left
+    /// the deformed image or are not active.
     ///
     /// # Errors
     /// When the device fails.
@@ -510,8 +518,8 @@ pub trait Backend: Clone + Send + Sync + 'static {
     }
 }
 
-/// Work for a device that is chosen when the program runs, written once for all of them. What it gives back should no longer
-/// say which device it was: that keeps the choice in this one place.
+/// Work for a device that is chosen when the program runs, written once for all of them. What it gives back should no
+/// longer say which device it was: that keeps the choice in this one place.
 pub trait OnDevice {
     /// What comes of it.
     type Output;

@@ -1,9 +1,9 @@
 //! How far a node is moved by its correction: as the fall of its last one tells, node by node.
 //!
-//! The normal matrix is made of gradients of the reference. Where the two images differ (a cut border, whose pixels come and go; more
-//! contrast than the reference has), it is too soft or too stiff, and the corrections of a node or two fall slowly where all others have settled.
-//! Aitken's relaxation (Irons and Tuck, 1969) by node takes that away: of corrections that fell by the rate q with steps of the factor w, the
-//! error left is w / (1 - q) of a correction.
+//! The normal matrix is made of gradients of the reference. Where the two images differ (a cut border, whose pixels
+//! come and go; more contrast than the reference has), it is too soft or too stiff, and the corrections of a node or
+//! two fall slowly where all others have settled. Aitken's relaxation (Irons and Tuck, 1969) by node takes that away:
+//! of corrections that fell by the rate q with steps of the factor w, the error left is w / (1 - q) of a correction.
 
 use crate::linalg::Solver;
 
@@ -21,13 +21,14 @@ pub(crate) const LONGEST: f64 = 1.1;
 /// And what is left of a rate below 1 is taken to be this at least.
 const LEAST_LEFT: f64 = 0.1;
 
-/// A node that was corrected by more than this, px, is not relaxed, nor is any after this many steps from a start: what is far off or does not
-/// settle wanders, and quotients of corrections that wander would make round-off grow from step to step.
+/// A node that was corrected by more than this, px, is not relaxed, nor is any after this many steps from a start: what
+/// is far off or does not settle wanders, and quotients of corrections that wander would make round-off grow from step
+/// to step.
 const FARTHEST: f64 = 0.25;
 const STEPS: usize = 8;
 
-/// Whether the nodes are relaxed in a `step` with `solver` from a start, the first of which is 1 and has no correction before it: those that
-/// are bound to each other move together.
+/// Whether the nodes are relaxed in a `step` with `solver` from a start, the first of which is 1 and has no correction
+/// before it: those that are bound to each other move together.
 pub(super) fn is_relaxed(step: usize, solver: &Solver) -> bool {
     (2..=STEPS).contains(&step) && solver.subspace().is_none()
 }
@@ -82,11 +83,13 @@ mod tests {
 
     #[test]
     fn a_node_that_overshoots_or_falls_short_settles_at_once_within_the_range_of_factors() {
-        // One step shows the rate, the second ends it, the third correction is round-off. Without: ln(1e-9) / ln(rate) steps.
+        // One step shows the rate, the second ends it, the third correction is round-off. Without: ln(1e-9) / ln(rate)
+        // steps.
         for rate in [-0.6, -0.43, -0.1, 0.05] {
             assert_eq!(corrections(rate, 1e-9), 3, "{rate}");
         }
-        // Beyond, by the rate 1 - w (1 - rate) that the outermost factor w leaves: -0.14 and 0.34, in place of -0.9 and 0.4.
+        // Beyond, by the rate 1 - w (1 - rate) that the outermost factor w leaves: -0.14 and 0.34, in place of -0.9 and
+        // 0.4.
         assert!(corrections(-0.9, 1e-9) <= 13);
         assert!(corrections(0.4, 1e-9) <= 21);
     }

@@ -66,8 +66,9 @@ impl PixelSums {
     ///
     /// Both images are noisy alike. The gain that leaves the least residual would be too small by the share that noise
     /// has in the variance of g, so the line is the one closest to the pairs (f, g) in both directions (Deming 1943),
-    /// whose slope noise does not change. Where the two share less than half of their variance most of the rest is misfit, far
-    /// from the solution, and the slope of that line is of any size: there the gain is the ratio of the two contrasts.
+    /// whose slope noise does not change. Where the two share less than half of their variance most of the rest is
+    /// misfit, far from the solution, and the slope of that line is of any size: there the gain is the ratio of the
+    /// two contrasts.
     pub fn transfer(&self) -> Option<super::GreyTransfer> {
         self.transfer_for(1.0)
     }
@@ -146,8 +147,8 @@ pub struct ElementMoments {
     pub ff: f64,
 }
 
-/// `solver` with what a gain and an offset of the zones' grey levels move, where they are followed: the solutions for `B_f` and `B_1`, the
-/// right-hand sides of residuals f and 1 (THEORY 2). Light is then solved with the displacement.
+/// `solver` with what a gain and an offset of the zones' grey levels move, where they are followed: the solutions for
+/// `B_f` and `B_1`, the right-hand sides of residuals f and 1 (THEORY 2). Light is then solved with the displacement.
 pub fn couple(solver: Solver, pattern: &Pattern, moments: &[ElementMoments], brightness: Brightness) -> Solver {
     match brightness {
         Brightness::Zone => {

@@ -38,16 +38,19 @@ pub(super) const MATCHED: f64 = 0.5;
 const WORSE: f64 = 0.02;
 /// Ranges of grey levels of which products, summed over millions of pixels, are numbers of single precision.
 const GREY_LEVELS: RangeInclusive<f64> = 1e-12..=1e12;
-/// A prediction this far off (px) at more than a few nodes may have locked on the wrong speckles: the pyramid checks it.
+/// A prediction this far off (px) at more than a few nodes may have locked on the wrong speckles: the pyramid checks
+/// it.
 const PREDICTION_OFF_PX: f64 = 1.0;
-/// A few nodes: this share of a zone's, which noise may have put anywhere; and where elements did not match in the frame before, beside which there may
-/// be more of them.
+/// A few nodes: this share of a zone's, which noise may have put anywhere; and where elements did not match in the
+/// frame before, beside which there may be more of them.
 const FEW_FAR: [f64; 2] = [1e-3, 1e-2];
-/// Where more than this share of the elements does not match that did in the frame before, it is looked for with all of them.
+/// Where more than this share of the elements does not match that did in the frame before, it is looked for with all of
+/// them.
 const FEW_MORE: f64 = 0.05;
 /// A frame whose corrections stay below this share of it has converged in every sense that matters.
 pub(super) const ENOUGH_BY_SIGMA: f64 = 0.1;
-/// A node less certain than this, px, counts as noisy: it may find no rest where the grey levels do not run straight over its uncertainty.
+/// A node less certain than this, px, counts as noisy: it may find no rest where the grey levels do not run straight
+/// over its uncertainty.
 const UNSURE_PX: f64 = 0.1;
 /// On coarse levels: good enough for the next finer one.
 pub(super) const COARSE: Limits<'_> = Limits {
@@ -63,8 +66,8 @@ pub(super) const COARSE: Limits<'_> = Limits {
     enough_anywhere: false,
     regulariser: None,
 };
-/// Elements of coarse levels are at least so large, px of the level: smaller ones are lost in noise, or astray at borders, and larger ones do not
-/// follow what the smallest of the finest level can.
+/// Elements of coarse levels are at least so large, px of the level: smaller ones are lost in noise, or astray at
+/// borders, and larger ones do not follow what the smallest of the finest level can.
 const COARSE_ELEMENTS_PX: usize = 8;
 /// The search works on images of about this many pixels a side.
 const SEARCH_SIDE: f64 = 320.0;
@@ -78,16 +81,16 @@ pub struct Correlator<B: Backend> {
     reference: Reference,
     pub(super) levels: Vec<Level<B>>,
     pub(super) search_map: GreyMap,
-    /// The reference image, whose points are found when a frame is first looked for in the whole image, and by which it is
-    /// named what is the matter with an element.
+    /// The reference image, whose points are found when a frame is first looked for in the whole image, and by which
+    /// it is named what is the matter with an element.
     pub(super) image: Arc<Image>,
     pub(super) features: OnceLock<Features>,
     /// The shifts at which each zone of the reference looks like itself, found with the first frame.
     pub(super) periods: OnceLock<Vec<Vec<[f64; 2]>>>,
     /// The nodes on cuts of the mesh, once they are asked for.
     pub(super) cut_nodes: OnceLock<BTreeSet<usize>>,
-    /// Whether the field of the last frame was that of its first iteration, so that the next one is told as soon: whether it is told too
-    /// soon changes what is done twice, and no result.
+    /// Whether the field of the last frame was that of its first iteration, so that the next one is told as soon:
+    /// whether it is told too soon changes what is done twice, and no result.
     ends_as_iterated: AtomicBool,
     point_values: PointValuesOf,
     /// The pixels of each zone that are summed over on the coarsest level.
@@ -367,7 +370,8 @@ impl<B: Backend> Correlator<B> {
                 return self.resolve_periods(frame, found, Some(displacement));
             }
             let moved = Start { displacement: self.move_by_zone(frame, displacement, transfer)?, ..start.clone() };
-            // It may be near now; and what did not match in the frame before would hold up whatever begins with all elements.
+            // It may be near now; and what did not match in the frame before would hold up whatever begins with all
+            // elements.
             if (!moved.left_out.is_empty() || is_apart(&moved.displacement, displacement))
                 && let Some(found) = self.iterate_from_prediction(frame, &moved, &mut Overlap::default())?
             {

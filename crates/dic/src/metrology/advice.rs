@@ -37,8 +37,8 @@ pub struct Advice {
 
 impl Advice {
     /// The rule: of the sizes that hold three speckles along a side, have at most 1 % of their nodes without
-    /// texture (beyond those that no size heals) and converged in every trial, the smallest whose uncertainty is within the target; when a
-    /// period is to be resolved, the largest that resolves it.
+    /// texture (beyond those that no size heals) and converged in every trial, the smallest whose uncertainty is within
+    /// the target; when a period is to be resolved, the largest that resolves it.
     pub(super) fn new(
         noise: &Noise,
         texture: &TextureFigures,

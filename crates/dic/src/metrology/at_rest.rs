@@ -12,8 +12,8 @@ use std::sync::Arc;
 /// Static images that are correlated with every element size, at most.
 const MOST_STILLS: usize = 8;
 
-/// The noise of strains between the reference and images of the specimen at rest, with elements of `size` px; and the standard
-/// uncertainty of inner nodes that goes with it, px.
+/// The noise of strains between the reference and images of the specimen at rest, with elements of `size` px; and the
+/// standard uncertainty of inner nodes that goes with it, px.
 pub(super) fn at_rest(
     trials: &Trials<'_>,
     reference: &Arc<Image>,

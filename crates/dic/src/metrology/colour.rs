@@ -34,7 +34,8 @@ impl PhotonFit {
 /// Correlation of the noise from pixel to pixel, from the residuals of static images.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct NoiseCorrelation {
-    /// Normalised autocorrelation of the residual at 0 to 4 px along x, less what the interpolation of white noise leaves.
+    /// Normalised autocorrelation of the residual at 0 to 4 px along x, less what the interpolation of white noise
+    /// leaves.
     pub along_x: [f64; LAGS + 1],
     /// The same along y.
     pub along_y: [f64; LAGS + 1],
@@ -117,7 +118,8 @@ pub(super) struct Products {
 }
 
 impl Products {
-    /// Adds the residuals of a rectangle, row by row, whose deformed image is displaced by `u` and multiplied by `gain`.
+    /// Adds the residuals of a rectangle, row by row, whose deformed image is displaced by `u` and multiplied by
+    /// `gain`.
     pub fn add(
         &mut self,
         residual: &[Option<f64>],

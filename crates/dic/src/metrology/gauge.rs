@@ -29,10 +29,11 @@ pub struct StrainGauge {
     pub window_nodes: usize,
     /// Its length, px: [`StrainWindow::gauge_length`].
     pub gauge_length_px: f64,
-    /// Standard deviation of exx, eyy and exy at rest, of windows without nodes on the edge of the zone. `None` where too few of
-    /// them fit, or nothing converged.
+    /// Standard deviation of exx, eyy and exy at rest, of windows without nodes on the edge of the zone. `None` where
+    /// too few of them fit, or nothing converged.
     pub noise_measured: Option<[f64; 3]>,
-    /// Statistical uncertainty of that, per cent: `100 / sqrt(2 n)`, with the gauges that fit beside each other, over all pairs.
+    /// Statistical uncertainty of that, per cent: `100 / sqrt(2 n)`, with the gauges that fit beside each other, over
+    /// all pairs.
     pub statistical_percent: Option<f64>,
     /// The same as `correlate --strain-window` would predict it inside a zone. `None` when no node is left.
     pub noise_predicted: Option<[f64; 3]>,
@@ -77,8 +78,8 @@ impl Windows {
         Self { figures: figures.collect(), list, asked: asked.is_some() }
     }
 
-    /// The gauges on elements of `size` px, in a zone with `least` nodes along its shorter side, whose inner nodes have the
-    /// standard uncertainty `sigma_px`.
+    /// The gauges on elements of `size` px, in a zone with `least` nodes along its shorter side, whose inner nodes have
+    /// the standard uncertainty `sigma_px`.
     pub fn gauges(&self, size: usize, least: usize, sigma_px: Option<[f64; 2]>, found: &Sums) -> Vec<StrainGauge> {
         let side = size as f64;
         let gauge = |k: usize| {
@@ -157,7 +158,8 @@ pub(super) struct Lattice {
     n: [usize; 2],
     /// Column and row of each node.
     places: Vec<[usize; 2]>,
-    /// How many nodes that are not measured stand in the columns and rows before: one more of both than there are nodes.
+    /// How many nodes that are not measured stand in the columns and rows before: one more of both than there are
+    /// nodes.
     missing: Vec<usize>,
 }
 

@@ -68,7 +68,8 @@ pub struct Options {
     pub target_sigma_px: f64,
     /// Period that the recommended elements resolve at 90 %, px, if one is asked for.
     pub resolve_period_px: Option<f64>,
-    /// Windows of the study of virtual strain gauges, beside the element; `None` for those of [`STRAIN_WINDOWS`] that fit.
+    /// Windows of the study of virtual strain gauges, beside the element; `None` for those of [`STRAIN_WINDOWS`] that
+    /// fit.
     pub strain_windows: Option<Vec<StrainWindow>>,
     /// Seed of the noise that is added.
     pub seed: u64,
@@ -158,7 +159,8 @@ pub struct Look {
     pub texture: TextureFigures,
 }
 
-/// Noise and texture of `reference` within `roi` (the whole image if `None`), as [`measure`] finds them without static images.
+/// Noise and texture of `reference` within `roi` (the whole image if `None`), as [`measure`] finds them without static
+/// images.
 ///
 /// # Errors
 /// A region that does not fit the image, or without texture.

@@ -66,10 +66,10 @@ pub fn wave_gain(crest: Crest, period_by_size: f64) -> f64 {
     nodal * crest.by_node(period_by_size)
 }
 
-/// Share of its amplitude that a wave of strain keeps, far from the borders: exx that varies along x, or `across` it, along y, as
-/// eyy and the gradients of the shear do likewise. Exact sines through the least-squares field of linear elements
-/// ([`wave_gain`] at the nodes), then through the plane fitted to `window`, at its node in the middle; without a window the
-/// gradient at the centre of an element.
+/// Share of its amplitude that a wave of strain keeps, far from the borders: exx that varies along x, or `across` it,
+/// along y, as eyy and the gradients of the shear do likewise. Exact sines through the least-squares field of linear
+/// elements ([`wave_gain`] at the nodes), then through the plane fitted to `window`, at its node in the middle; without
+/// a window the gradient at the centre of an element.
 pub fn strain_wave_gain(window: Option<StrainWindow>, across: bool, period_by_size: f64) -> f64 {
     let half = PI / period_by_size;
     let operator = match (window, across) {
@@ -80,7 +80,8 @@ pub fn strain_wave_gain(window: Option<StrainWindow>, across: bool, period_by_si
     wave_gain(Crest::AtNode, period_by_size) * operator
 }
 
-/// Shortest period, in element sizes, from which on waves of strain keep 90 % of their amplitude ([`strain_wave_gain`]).
+/// Shortest period, in element sizes, from which on waves of strain keep 90 % of their amplitude
+/// ([`strain_wave_gain`]).
 ///
 /// ```
 /// # use quadrille_dic as quadrille;

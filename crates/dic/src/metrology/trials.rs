@@ -215,8 +215,8 @@ impl Trials<'_> {
         Ok(with_noise(greys, self.region.size()[0], noise, seed)?)
     }
 
-    /// The scatter for each element size; `None` where nothing converged, or no node is inside. And that of the strains over
-    /// `windows`, if it is to be measured here.
+    /// The scatter for each element size; `None` where nothing converged, or no node is inside. And that of the strains
+    /// over `windows`, if it is to be measured here.
     pub fn scatter(
         &self,
         sizes: &[usize],

@@ -14,8 +14,8 @@ pub struct GridField {
 
 impl GridField {
     /// A grid whose first node is at `origin` (px), with nodes every `step` px, `n_cells` along x and y; one
-    /// displacement for each node, row by row with y down. `None` when the number of displacements is not that of the nodes, or
-    /// nothing is there.
+    /// displacement for each node, row by row with y down. `None` when the number of displacements is not that of the
+    /// nodes, or nothing is there.
     pub fn new(origin: [f64; 2], step: f64, n_cells: [usize; 2], displacement: Vec<[f64; 2]>) -> Option<Self> {
         let n_nodes = (n_cells[0] + 1).checked_mul(n_cells[1] + 1)?;
         let fits = n_cells.iter().all(|&n| n > 0) && displacement.len() == n_nodes && step.is_finite() && step > 0.0;

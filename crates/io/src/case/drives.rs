@@ -17,8 +17,8 @@ pub struct CaseSupport {
     pub u_x_mm: Option<CaseHistory>,
     /// The same along y.
     pub u_y_mm: Option<CaseHistory>,
-    /// Whether the nodes move as one body (loading block, lever) whose `point_mm` has these displacements; its rotation
-    /// is free.
+    /// Whether the nodes move as one body (loading block, lever) whose `point_mm` has these displacements; its
+    /// rotation is free.
     #[serde(default, skip_serializing_if = "super::is_default")]
     #[schemars(extend("default" = false))]
     pub rigid: bool,

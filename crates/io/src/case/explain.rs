@@ -102,8 +102,8 @@ impl CaseText {
         &self.path
     }
 
-    /// The place of `key` of `section` (`fit`, `substrate.upper`); of the section where the key is not there or none is meant,
-    /// of the beginning where there is no such section.
+    /// The place of `key` of `section` (`fit`, `substrate.upper`); of the section where the key is not there or none is
+    /// meant, of the beginning where there is no such section.
     pub fn place(&self, section: &str, key: Option<&str>) -> CasePlace {
         let table = DeTable::parse(&self.text).ok();
         let at = table.as_ref().and_then(|table| find(table.get_ref(), section, key)).unwrap_or(0);

@@ -27,8 +27,8 @@ pub struct CaseImages {
     #[schemars(with = "Option<OneOrMore>")]
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     pub reference: Option<Vec<String>>,
-    /// The deformed images: names or quoted globs. The files of a glob are taken in natural order, img_2 before img_10.
-    /// Without a reference the first of them is the reference.
+    /// The deformed images: names or quoted globs. The files of a glob are taken in natural order, img_2 before
+    /// img_10. Without a reference the first of them is the reference.
     #[serde(default, deserialize_with = "one_or_more")]
     #[schemars(with = "Option<OneOrMore>")]
     #[cfg_attr(feature = "cli", arg(value_name = "DEFORMED", help_heading = None::<&str>))]
@@ -83,9 +83,9 @@ pub struct CaseCorrelation {
         arg(long = "element-size", value_name = "PX", value_parser = element_size, allow_hyphen_values = true)
     )]
     pub element_size_px: Option<u32>,
-    /// What the displacement is between the nodes: bilinear in each element, or (experimental) a bicubic spline with knots
-    /// one element size apart, kept at nodes half as far apart (docs/correlation.md, 2.9.1); on regular meshes, without
-    /// regularisation.
+    /// What the displacement is between the nodes: bilinear in each element, or (experimental) a bicubic spline with
+    /// knots one element size apart, kept at nodes half as far apart (docs/correlation.md, 2.9.1); on regular
+    /// meshes, without regularisation.
     #[schemars(extend("default" = "bilinear", "x-implied" = true))]
     #[cfg_attr(feature = "cli", arg(long, value_name = "bilinear|cubic-spline", hide_short_help = true))]
     pub elements: Option<Elements>,
@@ -96,8 +96,8 @@ pub struct CaseCorrelation {
         arg(long, value_name = "S", allow_hyphen_values = true, hide_short_help = true, help_heading = "Zones")
     )]
     pub element_share: Option<f64>,
-    /// Between pixels: cubic, quintic, keys, bilinear. How grey levels of the deformed image are interpolated; quintic has
-    /// ten times less bias than cubic at twice the cost.
+    /// Between pixels: cubic, quintic, keys, bilinear. How grey levels of the deformed image are interpolated; quintic
+    /// has ten times less bias than cubic at twice the cost.
     #[schemars(extend("default" = "cubic"))]
     #[cfg_attr(feature = "cli", arg(long, value_name = "NAME"))]
     pub interpolation: Option<Interpolation>,
@@ -108,37 +108,39 @@ pub struct CaseCorrelation {
         arg(long = "tolerance", value_name = "PX", allow_hyphen_values = true, hide_short_help = true)
     )]
     pub tolerance_px: Option<f64>,
-    /// Iterations on the image itself after which a frame is given up, from 1. Coarser scales have limits of their own.
+    /// Iterations on the image itself after which a frame is given up, from 1. Coarser scales have limits of their
+    /// own.
     #[schemars(extend("default" = 50))]
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", allow_negative_numbers = true, hide_short_help = true))]
     pub max_iterations: Option<u32>,
-    /// Light that changes: auto, zone, smooth, element, off. Brightness and contrast are followed by one gain and offset
-    /// per zone (zone), as fields over a zone for gradients of light and moving shadows (smooth), so only in frames where
-    /// that lowers the residual significantly (auto), by each element (element), or not at all (off). docs/correlation.md,
-    /// 2.4.
+    /// Light that changes: auto, zone, smooth, element, off. Brightness and contrast are followed by one gain and
+    /// offset per zone (zone), as fields over a zone for gradients of light and moving shadows (smooth), so only
+    /// in frames where that lowers the residual significantly (auto), by each element (element), or not at all
+    /// (off). docs/correlation.md, 2.4.
     #[schemars(extend("default" = "auto"))]
     #[cfg_attr(feature = "cli", arg(long, value_name = "auto|zone|smooth|element|off"))]
     pub brightness: Option<Brightness>,
-    /// Start of a frame: previous, or independent. It is extrapolated from the frames before it, or searched for on its
-    /// own; frames may then be done in any order. With --shard the default is independent.
+    /// Start of a frame: previous, or independent. It is extrapolated from the frames before it, or searched for on
+    /// its own; frames may then be done in any order. With --shard the default is independent.
     #[schemars(extend("default" = "previous"))]
     #[cfg_attr(feature = "cli", arg(long, value_name = "previous|independent"))]
     pub start: Option<StartFrom>,
-    /// Large deformation: residual, every N, or never. Whether a frame of the series becomes the reference of those that
-    /// follow (docs/correlation.md, 2.10): when the present one matches badly, or after every N frames. Fields stay those
-    /// of the first reference. Needs frames that start from the previous one, and one process.
+    /// Large deformation: residual, every N, or never. Whether a frame of the series becomes the reference of those
+    /// that follow (docs/correlation.md, 2.10): when the present one matches badly, or after every N frames.
+    /// Fields stay those of the first reference. Needs frames that start from the previous one, and one process.
     #[schemars(extend("default" = "never"))]
     #[cfg_attr(feature = "cli", arg(long, value_name = "residual|every N|never", allow_hyphen_values = true))]
     pub update_reference: Option<UpdateReference>,
-    /// Noise of the camera: grey levels, or photon. A number is the standard deviation of one image. A variance A + B times
-    /// the grey level, as `metrology` finds it, is `photon:A,B` as a flag and `{ a = A, b = B }` in a file; `photon` finds
-    /// both on each frame's residual. `residual` finds one standard deviation for each zone and frame.
+    /// Noise of the camera: grey levels, or photon. A number is the standard deviation of one image. A variance A + B
+    /// times the grey level, as `metrology` finds it, is `photon:A,B` as a flag and `{ a = A, b = B }` in a file;
+    /// `photon` finds both on each frame's residual. `residual` finds one standard deviation for each zone and
+    /// frame.
     #[schemars(extend("default" = "residual", "x-implied" = true))]
     #[cfg_attr(feature = "cli", arg(long, value_name = "S|photon|photon:A,B", allow_hyphen_values = true))]
     pub noise: Option<Noise>,
-    /// Noise that is correlated from pixel to pixel (demosaicing, smoothing in the camera, noise of rows): `auto` finds on
-    /// the residual by how much it raises the standard uncertainty, and says so; a number, 0.1 to 100, is that factor, as
-    /// `metrology` finds it; `off` takes noise for white.
+    /// Noise that is correlated from pixel to pixel (demosaicing, smoothing in the camera, noise of rows): `auto`
+    /// finds on the residual by how much it raises the standard uncertainty, and says so; a number, 0.1 to 100, is
+    /// that factor, as `metrology` finds it; `off` takes noise for white.
     #[schemars(extend("default" = "auto", "x-implied" = true))]
     #[cfg_attr(
         feature = "cli",
@@ -150,8 +152,8 @@ pub struct CaseCorrelation {
     #[schemars(extend("default" = "none"))]
     #[cfg_attr(feature = "cli", arg(long, value_name = "none|tikhonov|equilibrium-gap"))]
     pub regularisation: Option<RegularisationKind>,
-    /// Cut-off length of the regularisation, px, up to 1000 elements: waves of the displacement as long as this lose half
-    /// of their amplitude, longer ones less, shorter ones more.
+    /// Cut-off length of the regularisation, px, up to 1000 elements: waves of the displacement as long as this lose
+    /// half of their amplitude, longer ones less, shorter ones more.
     #[cfg_attr(feature = "cli", arg(long = "cutoff", value_name = "PX", allow_hyphen_values = true))]
     pub cutoff_px: Option<f64>,
     /// Poisson's ratio in the equilibrium gap, above -1, up to 0.5.
@@ -166,13 +168,13 @@ pub struct CaseCorrelation {
     )]
     pub strain: Option<StrainDefinition>,
     /// Strains over a window of N x N nodes as well, N odd, 3 to 51, with their standard uncertainty: a virtual strain
-    /// gauge of N elements (docs/correlation.md, 2.11), (N - 1) L_step + L_subset with the element size for both. 1: those
-    /// of elements and nodes alone.
+    /// gauge of N elements (docs/correlation.md, 2.11), (N - 1) L_step + L_subset with the element size for both. 1:
+    /// those of elements and nodes alone.
     #[schemars(extend("default" = 1, "x-implied" = true))]
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", allow_negative_numbers = true, help_heading = "Output"))]
     pub strain_window: Option<u32>,
-    /// Leave out nodes that see no texture, however many, instead of refusing the reference. Without it up to a fifth of a
-    /// zone is left out, none of them on a face of a joint.
+    /// Leave out nodes that see no texture, however many, instead of refusing the reference. Without it up to a fifth
+    /// of a zone is left out, none of them on a face of a joint.
     #[schemars(extend("default" = false))]
     #[cfg_attr(
         feature = "cli",
@@ -225,9 +227,10 @@ pub struct CaseZone {
     /// Elements other than those of a grid of squares on its polygon.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub elements: Option<CaseElements>,
-    /// Pixels left out near the border of a zone, px. The mesh still reaches the border; 3 next to bands without texture.
-    /// A number; in a file also `{ left = 0, top = 0, right = 0, bottom = 3 }` of a `roi`; a list with one for each side
-    /// of a polygon (side k from corner k to the next); `{ along = [[x, y], ...], width = 3 }` along a line alone.
+    /// Pixels left out near the border of a zone, px. The mesh still reaches the border; 3 next to bands without
+    /// texture. A number; in a file also `{ left = 0, top = 0, right = 0, bottom = 3 }` of a `roi`; a list with
+    /// one for each side of a polygon (side k from corner k to the next); `{ along = [[x, y], ...], width = 3 }`
+    /// along a line alone.
     #[schemars(extend("default" = 0))]
     #[cfg_attr(feature = "cli", arg(long = "guard", value_name = "PX", allow_hyphen_values = true))]
     pub guard_px: Option<CaseGuard>,
@@ -237,8 +240,9 @@ pub struct CaseZone {
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "cli", derive(clap::Args), command(next_help_heading = "Zones"))]
 pub struct ZoneFlags {
-    /// A rectangle to measure, px; may be repeated. Left, top, right, bottom (the last two not included). Without any zone
-    /// the specimen is found in the reference. This, --polygon, --mask and --mesh replace the zones of the case file.
+    /// A rectangle to measure, px; may be repeated. Left, top, right, bottom (the last two not included). Without any
+    /// zone the specimen is found in the reference. This, --polygon, --mask and --mesh replace the zones of the
+    /// case file.
     #[cfg_attr(
         feature = "cli",
         arg(long, value_name = "x0,y0,x1,y1", value_parser = super::flags::numbers::<4>, allow_hyphen_values = true)
@@ -262,7 +266,8 @@ pub type Polygon = Vec<[f64; 2]>;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum CaseElements {
-    /// Along the sides of its polygon, of four corners and convex: about as large as the element size, with nodes on every side.
+    /// Along the sides of its polygon, of four corners and convex: about as large as the element size, with nodes on
+    /// every side.
     Mapped,
 }
 

@@ -7,8 +7,8 @@ use serde::de::{self, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 
-/// The load cell: beside the fields in the objective of a fit, or alone; or, with `use = false` or without a fit, held against the
-/// prediction.
+/// The load cell: beside the fields in the objective of a fit, or alone; or, with `use = false` or without a fit, held
+/// against the prediction.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseForce {
@@ -36,8 +36,8 @@ pub struct CaseForce {
     pub width_mm: Option<f64>,
     /// Its standard uncertainty, including the gain of the load cell, mm. Default: 1 % of the width.
     pub width_mm_std: Option<f64>,
-    /// Standard uncertainty of a force, N: noise of the load cell and what the model leaves out. Required unless `use =
-    /// false`.
+    /// Standard uncertainty of a force, N: noise of the load cell and what the model leaves out. Required unless `use
+    /// = false`.
     #[serde(rename = "std_N")]
     pub std_n: Option<f64>,
     /// Whether it takes part in the fit; else it is only compared with the prediction.

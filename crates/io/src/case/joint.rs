@@ -147,7 +147,8 @@ pub struct CaseMeasurement {
     pub file: Option<String>,
     /// The store of the correlation run of the mesh.
     pub store: Option<String>,
-    /// Which nodes are compared; numbers count from 0. Default: `selected` if the mesh file has that list, else `free`.
+    /// Which nodes are compared; numbers count from 0. Default: `selected` if the mesh file has that list, else
+    /// `free`.
     #[schemars(with = "Option<NodesKey>")]
     pub nodes: Option<CaseNodes>,
     /// Weights of the residual. Default: `covariance` for a store, `paper` for a table.
@@ -317,14 +318,14 @@ pub struct CaseFit {
     /// Forward runs that one start may take.
     #[schemars(extend("default" = 100, "x-flag" = "--max-evaluations"))]
     pub max_evaluations: Option<usize>,
-    /// Time after which the fit ends at the best point so far, s; what that costs stands in its verdict. Without it there is no
-    /// limit.
+    /// Time after which the fit ends at the best point so far, s; what that costs stands in its verdict. Without it
+    /// there is no limit.
     #[schemars(extend("x-flag" = "--max-seconds"))]
     pub max_seconds: Option<f64>,
     /// Also the profile likelihood of this parameter.
     pub profile: Option<String>,
-    /// Experimental: also other laws on the same data, compared with each other: names as of `[cohesive] model`, two or more. Those that
-    /// `[cohesive]` does not start begin with its strengths and works of separation.
+    /// Experimental: also other laws on the same data, compared with each other: names as of `[cohesive] model`, two
+    /// or more. Those that `[cohesive]` does not start begin with its strengths and works of separation.
     #[schemars(extend("x-flag" = "--tournament"))]
     #[serde(default, skip_serializing_if = "is_default")]
     pub laws: Vec<String>,

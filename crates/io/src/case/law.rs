@@ -7,7 +7,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Keys of `[substrate]` and `[cohesive]` that state the standard uncertainty of a value are that of the value and this.
+/// Keys of `[substrate]` and `[cohesive]` that state the standard uncertainty of a value are that of the value and
+/// this.
 pub const STD: &str = "_std";
 /// Key of `[substrate]`, `[cohesive]` and `[fit]` that names constants without uncertainty.
 pub const EXACT: &str = "exact";
@@ -59,7 +60,8 @@ pub struct CaseCohesive {
     /// Constants without uncertainty: `true` for all of the section, or a list of symbols.
     #[schemars(extend("default" = false))]
     pub exact: Option<CaseExact>,
-    /// The parameters of the law, and their standard uncertainties, by key: the symbol with its unit, as in `delta_n_mm`.
+    /// The parameters of the law, and their standard uncertainties, by key: the symbol with its unit, as in
+    /// `delta_n_mm`.
     #[serde(flatten)]
     pub values: BTreeMap<String, f64>,
 }
@@ -90,7 +92,8 @@ impl PlaneState {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kinematics {
-    /// Upper minus lower displacement: a rotation `w` of the joint gives `-w t` of sliding, t the distance of the faces.
+    /// Upper minus lower displacement: a rotation `w` of the joint gives `-w t` of sliding, t the distance of the
+    /// faces.
     #[default]
     Paper,
     /// Less what the rotation of the mid-line contributes.

@@ -50,8 +50,8 @@ pub struct CaseQuantityOptions {
 #[cfg_attr(feature = "cli", derive(clap::Args), command(next_help_heading = "Input"))]
 #[serde(deny_unknown_fields)]
 pub struct CaseLoad {
-    /// The load file: CSV with names and units in its header (or units in its second line) and a row for each image, or with a
-    /// column `frame`, or with a column of times (docs/quantities.md).
+    /// The load file: CSV with names and units in its header (or units in its second line) and a row for each image,
+    /// or with a column `frame`, or with a column of times (docs/quantities.md).
     #[serde(skip_serializing_if = "is_default")]
     #[cfg_attr(feature = "cli", arg(skip))]
     pub file: String,
@@ -68,7 +68,8 @@ pub struct CaseLoad {
     /// A file with the times of the frames instead: CSV, a row per image, with a column `time`, as cameras write it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     pub frame_times: Option<String>,
-    /// Time of the reference in the load file, s; where the times of the frames come from a file, what is added to them.
+    /// Time of the reference in the load file, s; where the times of the frames come from a file, what is added to
+    /// them.
     #[schemars(extend("default" = 0))]
     #[cfg_attr(feature = "cli", arg(long = "load-start", value_name = "S", allow_negative_numbers = true))]
     pub start_s: Option<f64>,
@@ -145,8 +146,9 @@ pub struct CaseCrack {
     #[serde(default, deserialize_with = "name")]
     #[cfg_attr(feature = "cli", arg(skip))]
     pub name: Option<String>,
-    /// Points along it in order, px of the reference image. An end inside a zone stays joined: a tip. Draw it some elements beyond the
-    /// place that the tip reaches. Or `"auto"` (experimental): found from the residual of the last frames.
+    /// Points along it in order, px of the reference image. An end inside a zone stays joined: a tip. Draw it some
+    /// elements beyond the place that the tip reaches. Or `"auto"` (experimental): found from the residual of the
+    /// last frames.
     #[serde(skip_serializing_if = "is_default")]
     #[cfg_attr(feature = "cli", arg(skip))]
     pub path: CrackPath,
@@ -163,8 +165,8 @@ pub struct CaseCrack {
         )
     )]
     pub guard_px: Option<f64>,
-    /// Young's modulus around the crack, MPa: with Poisson's ratio and the pixel size the stress intensity factors at the
-    /// tips are found, MPa sqrt(m).
+    /// Young's modulus around the crack, MPa: with Poisson's ratio and the pixel size the stress intensity factors at
+    /// the tips are found, MPa sqrt(m).
     #[serde(rename = "E_MPa")]
     #[cfg_attr(
         feature = "cli",
@@ -190,7 +192,8 @@ pub struct CaseCrack {
         )
     )]
     pub poisson: Option<f64>,
-    /// Outer radius of the domain of the interaction integral, px; without, the largest that fits, up to twelve elements.
+    /// Outer radius of the domain of the interaction integral, px; without, the largest that fits, up to twelve
+    /// elements.
     #[cfg_attr(
         feature = "cli",
         arg(
@@ -208,9 +211,10 @@ pub struct CaseCrack {
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "cli", derive(clap::Args), command(next_help_heading = "Zones"))]
 pub struct CrackFlags {
-    /// Cut the mesh along a crack or joint, px: points along it in order, separated by blanks. An end inside a zone stays joined, a
-    /// tip: draw it some elements further than the tip reaches. Writes opening, sliding and tips to DIR/quantities. Repeat it for
-    /// several cracks; 'auto' finds them in the residual of the last frames and says their paths. Replaces the cracks of the case file.
+    /// Cut the mesh along a crack or joint, px: points along it in order, separated by blanks. An end inside a zone
+    /// stays joined, a tip: draw it some elements further than the tip reaches. Writes opening, sliding and tips
+    /// to DIR/quantities. Repeat it for several cracks; 'auto' finds them in the residual of the last frames and
+    /// says their paths. Replaces the cracks of the case file.
     #[cfg_attr(
         feature = "cli",
         arg(id = "crack.path", long = "crack", value_name = "'x,y x,y ...'|auto", allow_hyphen_values = true)

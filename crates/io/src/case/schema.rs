@@ -48,8 +48,8 @@ pub fn schema_of<T: JsonSchema>() -> Value {
     schema
 }
 
-/// The JSON schema of case files. Beside the words of the standard, `x-commands` of a section names who takes it. The program adds
-/// `x-flag` to a key: the flag that says the same.
+/// The JSON schema of case files. Beside the words of the standard, `x-commands` of a section names who takes it. The
+/// program adds `x-flag` to a key: the flag that says the same.
 pub fn case_schema(laws: &CaseLaws) -> Value {
     let mut schema = schema_of::<CaseFile>();
     let of_group = with_laws(&mut schema["properties"]["substrate"], &laws.substrate);

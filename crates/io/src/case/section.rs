@@ -25,8 +25,8 @@ pub fn over<T: Serialize + DeserializeOwned>(flags: &T, section: &T) -> Result<T
     keys.try_into().map_err(in_words)
 }
 
-/// `section` with the defaults of its schema, as a run records it. A default that the schema calls `x-implied` is recorded
-/// by its absence.
+/// `section` with the defaults of its schema, as a run records it. A default that the schema calls `x-implied` is
+/// recorded by its absence.
 ///
 /// # Errors
 /// A value that a case file may not hold.

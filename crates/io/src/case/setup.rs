@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What stands in the reporting table of `report.html` (after the good practice guide of the iDICs) and cannot be seen on the
-/// images. What is left out stays blank there.
+/// What stands in the reporting table of `report.html` (after the good practice guide of the iDICs) and cannot be seen
+/// on the images. What is left out stays blank there.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseReport {

@@ -28,8 +28,8 @@ pub struct JointRun {
     /// Noise of one image that the frames' uncertainties are made with, grey levels, root mean square over frames and
     /// zones; `None` in stores of earlier versions.
     pub noise_grey: Option<f64>,
-    /// What the residuals say of that noise, by it: rms over frames and zones; 1 unless a noise was stated. A stated noise
-    /// that is contradicted makes every interval wrong by this factor.
+    /// What the residuals say of that noise, by it: rms over frames and zones; 1 unless a noise was stated. A stated
+    /// noise that is contradicted makes every interval wrong by this factor.
     pub noise_ratio: Option<f64>,
     /// Frames that did not converge, or were not done: no instants are made of them.
     pub left_out: Vec<usize>,
@@ -37,8 +37,8 @@ pub struct JointRun {
     pub warnings: Vec<Remark>,
 }
 
-/// The normal matrix `M` of a correlation, element by element. It holds the noise of the gradient: displacements have the
-/// covariance of THEORY 10 with `M0 = M - sigma^2 N`, which for little noise is `2 sigma^2 M^-1`.
+/// The normal matrix `M` of a correlation, element by element. It holds the noise of the gradient: displacements have
+/// the covariance of THEORY 10 with `M0 = M - sigma^2 N`, which for little noise is `2 sigma^2 M^-1`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunMatrix {
     /// Nodes of each element, in the order that its matrix has them.
@@ -53,8 +53,8 @@ impl RunMatrix {
     /// Of each element at least this share is left.
     const LEAST_SHARE: f64 = 0.2;
 
-    /// `M0 = M - sigma^2 N` for `noise` grey levels in one image, and `kappa`, what was taken off by what is left (THEORY
-    /// 10), a mean over the elements. Where nothing is known of `N`, `M` and 0.
+    /// `M0 = M - sigma^2 N` for `noise` grey levels in one image, and `kappa`, what was taken off by what is left
+    /// (THEORY 10), a mean over the elements. Where nothing is known of `N`, `M` and 0.
     pub fn without_noise(&self, noise: f64) -> (Self, f64) {
         if self.of_noise.len() != self.matrices.len() || !noise.is_finite() {
             return (self.clone(), 0.0);

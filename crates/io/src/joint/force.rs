@@ -18,8 +18,8 @@ pub struct ForceInput {
     pub remarks: Vec<Remark>,
 }
 
-/// Reads what `[force]` of `case` names, for the instants of `boundary` (of `drives` where there is none): the rows of a table are its instants, those of a
-/// correlation run its frames.
+/// Reads what `[force]` of `case` names, for the instants of `boundary` (of `drives` where there is none): the rows of
+/// a table are its instants, those of a correlation run its frames.
 ///
 /// # Errors
 /// See [`JointFileError`].

@@ -63,10 +63,10 @@ struct MeshJson {
 
 /// Reads a mesh of a joint: JSON (`nodes`, `quads`, `cohesive`; optional `groups` and `quad_group`), Gmsh `.msh`,
 /// or `.vtu`, told by content. Coordinates are mm with y up. JSON may also list `lower_face`, `upper_face`,
-/// `dirichlet_nodes`, `selected_nodes` and `node_groups` (lists by name); a `.msh` file says the same by physical groups of curves named
-/// `lower_face`, `upper_face`, `boundary` and whatever else. In `.msh` and `.vtu` the physical groups of surfaces
-/// (or the cell data `zone`) are groups of elements; nodes of different groups at the same place are one node, so that
-/// the layers of a strip hang together; nodes are numbered in the order of the groups.
+/// `dirichlet_nodes`, `selected_nodes` and `node_groups` (lists by name); a `.msh` file says the same by physical
+/// groups of curves named `lower_face`, `upper_face`, `boundary` and whatever else. In `.msh` and `.vtu` the physical
+/// groups of surfaces (or the cell data `zone`) are groups of elements; nodes of different groups at the same place are
+/// one node, so that the layers of a strip hang together; nodes are numbered in the order of the groups.
 ///
 /// # Errors
 /// See [`JointFileError`].

@@ -93,8 +93,8 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
     })
 }
 
-/// What the correlation warned of, from the summary beside the store. A run that goes on has none yet, and one that was moved
-/// without it is none the worse.
+/// What the correlation warned of, from the summary beside the store. A run that goes on has none yet, and one that was
+/// moved without it is none the worse.
 fn warnings_beside(store: &Path) -> Vec<Remark> {
     #[derive(serde::Deserialize)]
     struct Remarks {

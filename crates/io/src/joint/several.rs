@@ -56,8 +56,8 @@ pub fn read_identify(path: &Path) -> Result<IdentifyInput, JointFileError> {
     identify_of(read_document(path)?)
 }
 
-/// The case file with the content `text`, and every file that it names; `path` gives its folder and stands in messages. See
-/// [`read_identify`].
+/// The case file with the content `text`, and every file that it names; `path` gives its folder and stands in messages.
+/// See [`read_identify`].
 ///
 /// # Errors
 /// Those of [`read_identify`], but for a case file that cannot be read.
@@ -129,7 +129,8 @@ fn read_one(path: &Path) -> Result<(PathBuf, JointInput), JointFileError> {
     Ok((path, input))
 }
 
-/// The input of the test called `name` with the law, the parameters, the starts and the bounds of the case that names it.
+/// The input of the test called `name` with the law, the parameters, the starts and the bounds of the case that names
+/// it.
 fn with_shared(
     mut input: JointInput,
     name: &str,

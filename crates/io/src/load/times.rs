@@ -34,7 +34,8 @@ impl FrameTimes {
     }
 }
 
-/// The file of times with the content `text`; `path` stands in messages. See [`read_frame_times`](super::read_frame_times).
+/// The file of times with the content `text`; `path` stands in messages. See
+/// [`read_frame_times`](super::read_frame_times).
 ///
 /// # Errors
 /// Those of [`read_frame_times`](super::read_frame_times), but for a file that cannot be read.
@@ -154,8 +155,8 @@ fn at(rows: &[f64], cells: &[Option<f64>], time: f64) -> Option<f64> {
     Some(low + (high - low) * (time - from) / (to - from))
 }
 
-/// Seconds of a clock time: `10:31:05.20`, behind a day (`2024-05-07 10:31:05`, `07.05.2024 ...`, also with a T and a Z) those
-/// since 1970.
+/// Seconds of a clock time: `10:31:05.20`, behind a day (`2024-05-07 10:31:05`, `07.05.2024 ...`, also with a T and a
+/// Z) those since 1970.
 fn clock_time(cell: &str) -> Option<f64> {
     let cell = cell.trim().trim_end_matches('Z');
     let (day, clock) = match cell.split_once([' ', 'T']) {

@@ -1,7 +1,7 @@
 //! Units as machines write them, and those that the program counts in.
 
-/// Units with what they are in N, mm, s and MPa: the name, its factor, and whether it is understood at the end of a name
-/// (`load_kN`), where a word such as `min` or `in` may be no unit.
+/// Units with what they are in N, mm, s and MPa: the name, its factor, and whether it is understood at the end of a
+/// name (`load_kN`), where a word such as `min` or `in` may be no unit.
 const KNOWN: [(&str, &str, f64, bool); 34] = [
     ("N", "N", 1.0, true),
     ("kN", "N", 1e3, true),

@@ -72,7 +72,8 @@ pub(super) fn face_each_other(
     Ok(faces)
 }
 
-/// Makes one zone of each group of a mesh file, under the name that a correlation gives it; their elements, where they have such.
+/// Makes one zone of each group of a mesh file, under the name that a correlation gives it; their elements, where they
+/// have such.
 fn expand_groups(zones: &mut Vec<CaseZone>, base: &Path) -> Result<Vec<Option<ZoneElements>>, String> {
     let mut meshes = Vec::new();
     let mut all = Vec::new();
@@ -207,8 +208,8 @@ impl Joint<'_> {
         )
     }
 
-    /// The faces with this normal (y down) from the first to the second zone. Where one of them is above the other the first has to be
-    /// the one below, since that is how a case begins that takes y for pointing up.
+    /// The faces with this normal (y down) from the first to the second zone. Where one of them is above the other the
+    /// first has to be the one below, since that is how a case begins that takes y for pointing up.
     fn faces(&self, gap_px: f64, normal: Point) -> Result<Faces, String> {
         let [first, second] = self.names;
         if normal[1] > 0.0 && normal[1] >= normal[0].abs() {
@@ -248,8 +249,8 @@ impl Joint<'_> {
             [true, false] => 1,
             [false, true] => 0,
         };
-        // Whole elements are laid from the left or upper edge of a rectangle: of the zone whose face is its other edge they begin
-        // there, and the rectangle with them.
+        // Whole elements are laid from the left or upper edge of a rectangle: of the zone whose face is its other edge
+        // they begin there, and the rectangle with them.
         let ahead = usize::from(first[c] >= second[c + 2]);
         let gap_px = boxes[1 - ahead][c] - boxes[ahead][c + 2];
         let mut normal = [0.0; 2];
@@ -519,8 +520,8 @@ impl Between {
     }
 }
 
-/// The quadrilateral, whose first side is the face, as far as the face lies within `common` along the tangent: cut at the same shares
-/// of that side and of the one behind.
+/// The quadrilateral, whose first side is the face, as far as the face lies within `common` along the tangent: cut at
+/// the same shares of that side and of the one behind.
 fn cut(around: [Point; 4], tangent: Point, common: [f64; 2]) -> [Point; 4] {
     let [a, b, c, d] = around;
     let [from, to] = [a, b].map(|end| dot(end, tangent));
@@ -597,7 +598,8 @@ mod tests {
         words.iter().for_each(|word| assert!(message.contains(word), "'{word}' in: {message}"));
     }
 
-    /// Two strips of 96 by 40 px, 30 px apart, turned by `degrees` (x towards y) about (200, 200): that below, that above.
+    /// Two strips of 96 by 40 px, 30 px apart, turned by `degrees` (x towards y) about (200, 200): that below, that
+    /// above.
     fn turned(degrees: f64) -> [[Point; 4]; 2] {
         let (sin, cos) = degrees.to_radians().sin_cos();
         [[15.0, 55.0], [-55.0, -15.0]].map(|[top, bottom]| {
@@ -663,7 +665,8 @@ mod tests {
         assert_eq!(a.polygon.as_deref().unwrap(), [[20.0, 100.0], [110.0, 100.0], [110.0, 140.0], [20.0, 140.0]]);
         assert_eq!(a.guard_px, Some(CaseGuard::Sides(vec![1.0, 2.0, 3.0, 4.0])));
         let [c, d, e, f] = b.polygon.as_deref().unwrap() else { panic!() };
-        // From (140, 80) to (20, 80), cut at 110, a quarter of that side: a quarter of the side behind it, from 130 to 30.
+        // From (140, 80) to (20, 80), cut at 110, a quarter of that side: a quarter of the side behind it, from 130 to
+        // 30.
         for (found, wanted) in [(c, [110.0, 80.0]), (d, [20.0, 80.0]), (e, [30.0, 40.0]), (f, [105.0, 40.0])] {
             assert!(minus(*found, wanted).iter().all(|v| v.abs() < 1e-9), "{found:?} {wanted:?}");
         }

@@ -17,8 +17,8 @@ pub(super) const PART: &str = ".part";
 ///
 /// The crate's own file store writes in place, waits for the disk after every file (seven times a frame),
 /// and keeps a lock for every file it has ever seen: too slow and too large for a long series. Here the disk is waited
-/// for where a loss would cost the whole run ([`Folder::durable`]): a frame that is lost is done again, and waiting for its
-/// files (4 to 13 ms on a local disk where writing them took 1 to 5 ms) would halve the speed of a fast series.
+/// for where a loss would cost the whole run ([`Folder::durable`]): a frame that is lost is done again, and waiting for
+/// its files (4 to 13 ms on a local disk where writing them took 1 to 5 ms) would halve the speed of a fast series.
 #[derive(Debug)]
 pub(super) struct Folder {
     path: PathBuf,

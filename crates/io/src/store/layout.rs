@@ -457,8 +457,8 @@ impl Form {
         ArrayBuilder::new(self.shape.clone(), self.chunk.clone(), self.data_type(), fill)
     }
 
-    /// The array as it is in `folder`, when it is what the layout says. By frame it may be longer: a series that grows has
-    /// room ahead.
+    /// The array as it is in `folder`, when it is what the layout says. By frame it may be longer: a series that grows
+    /// has room ahead.
     pub fn open(&self, folder: &Arc<Folder>) -> Result<Array<Folder>, StoreError> {
         let file = folder.path().join(self.name).join("zarr.json");
         let damaged = |reason: String| StoreError::Metadata { file: file.clone(), reason };

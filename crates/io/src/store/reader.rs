@@ -117,8 +117,8 @@ impl Store {
         Ok(Some(constant::<f64>(&self.folder, &Form::gradient_noise(self.mesh().n_elements()))?.1))
     }
 
-    /// Noise of one image in frame `number` (from 1), grey levels: the one that its uncertainty is made with, and that of
-    /// its residual; `None` where it was not noted.
+    /// Noise of one image in frame `number` (from 1), grey levels: the one that its uncertainty is made with, and that
+    /// of its residual; `None` where it was not noted.
     ///
     /// # Errors
     /// As [`Store::frame`].
@@ -158,8 +158,8 @@ impl Store {
         }
     }
 
-    /// Number of the frame that frame `number` (from 1) was measured from, 0 for the reference given; `None` in the store of
-    /// a run whose reference is never renewed, and for a frame without a field.
+    /// Number of the frame that frame `number` (from 1) was measured from, 0 for the reference given; `None` in the
+    /// store of a run whose reference is never renewed, and for a frame without a field.
     ///
     /// # Errors
     /// As [`Store::frame`].
@@ -248,8 +248,8 @@ impl Store {
         Ok(Some(StoredFrame { number, measurement, file: self.file_of(number) }))
     }
 
-    /// Of frame `number` (from 1), which diverged, its status and the residual of its elements, which shows why and is no
-    /// measurement: all displacements are zero. `None` of frames with a field, and where no residual was kept.
+    /// Of frame `number` (from 1), which diverged, its status and the residual of its elements, which shows why and is
+    /// no measurement: all displacements are zero. `None` of frames with a field, and where no residual was kept.
     ///
     /// # Errors
     /// As [`Store::frame`], but for chunks that are not there.
@@ -320,7 +320,8 @@ impl Store {
         codes.iter().enumerate().map(mark).collect::<Result<_, _>>().map(Some)
     }
 
-    /// What the field of a frame may be off beyond noise; none in a store of an earlier version, or where it was not known.
+    /// What the field of a frame may be off beyond noise; none in a store of an earlier version, or where it was not
+    /// known.
     fn model_error(&self, number: usize, measured: &[bool]) -> Result<Option<ModelError>, StoreError> {
         if ![Variable::ModelError, Variable::Misfit].into_iter().all(|variable| self.has(variable)) {
             return Ok(None);
@@ -383,8 +384,8 @@ impl Store {
         }))
     }
 
-    /// The numbers of one array of frame `number` (from 1) as they are stored; `None` as for [`Store::frame`], and of an
-    /// array that the store does not have.
+    /// The numbers of one array of frame `number` (from 1) as they are stored; `None` as for [`Store::frame`], and of
+    /// an array that the store does not have.
     ///
     /// # Errors
     /// As [`Store::frame`].

@@ -128,8 +128,8 @@ impl StoreWriter {
         Ok(Self { folder, series: Mutex::new(ByFrame { attributes, room }), mesh, status, variables })
     }
 
-    /// Adds frames to the end of the series; `case` is the text of its `run.toml` with them. Only then they can be written:
-    /// a frame that is done is one that the store names.
+    /// Adds frames to the end of the series; `case` is the text of its `run.toml` with them. Only then they can be
+    /// written: a frame that is done is one that the store names.
     ///
     /// The arrays grow in steps, and first: a reader never finds one that is shorter than the list of the frames.
     ///
@@ -227,7 +227,8 @@ impl StoreWriter {
         self.write_encoded(self.encode_field(number, measurement, strain)?)
     }
 
-    /// What [`write_field`](Self::write_field) computes, without a file: an error of the file system cannot be among its errors.
+    /// What [`write_field`](Self::write_field) computes, without a file: an error of the file system cannot be among
+    /// its errors.
     pub fn encode_field(
         &self,
         number: usize,
@@ -305,7 +306,8 @@ impl StoreWriter {
         self.chunk(&array, &[0, 0], matrices.as_flattened())
     }
 
-    /// Adds what noise in the reference adds to the normal matrix of each element: `G n / k` (see the array's description).
+    /// Adds what noise in the reference adds to the normal matrix of each element: `G n / k` (see the array's
+    /// description).
     ///
     /// # Errors
     /// Another number than of elements, and what the file system refuses.
@@ -332,8 +334,8 @@ impl StoreWriter {
         self.chunk(&array, &[number as u64 - 1, 0], &[used as f32, residual as f32][..])
     }
 
-    /// Notes the number of the frame that frame `number` (from 1) was measured from, 0 for the reference given: before its
-    /// status, in runs whose reference is renewed.
+    /// Notes the number of the frame that frame `number` (from 1) was measured from, 0 for the reference given: before
+    /// its status, in runs whose reference is renewed.
     ///
     /// # Errors
     /// A number that the series does not have, and what the file system refuses.
@@ -357,8 +359,8 @@ impl StoreWriter {
         }
     }
 
-    /// Adds the SHA-256 of the deformed images, once they are all known; `None` for one that could not be read. Gives back
-    /// the room that the arrays have for frames to come.
+    /// Adds the SHA-256 of the deformed images, once they are all known; `None` for one that could not be read. Gives
+    /// back the room that the arrays have for frames to come.
     ///
     /// # Errors
     /// What the file system refuses; the store is then as it was.
@@ -496,8 +498,8 @@ fn strain_values(strains: &[Option<TensorStrain>]) -> Vec<f32> {
         .collect()
 }
 
-/// Describes the arrays by frame, for `n_frames` of them; the chunks that are there stay. The status last: its length is
-/// that which all have. A new store gets those of strains over a window where it is `windowed`.
+/// Describes the arrays by frame, for `n_frames` of them; the chunks that are there stay. The status last: its length
+/// is that which all have. A new store gets those of strains over a window where it is `windowed`.
 fn create_frames(folder: &Arc<Folder>, n_frames: usize, mesh: &Mesh<Px>, windowed: bool) -> Result<(), StoreError> {
     // A store of an earlier version stays one.
     let is_new = !folder.path().join("status").join("zarr.json").is_file();

@@ -1,4 +1,5 @@
-//! When an image was taken, as its file says: tags of the page, and those of EXIF, which a JPEG or PNG file holds as a small TIFF file.
+//! When an image was taken, as its file says: tags of the page, and those of EXIF, which a JPEG or PNG file holds as a
+//! small TIFF file.
 
 use super::{ByteLayout, Directory};
 

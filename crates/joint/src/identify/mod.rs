@@ -1,8 +1,8 @@
 //! Identification: the parameters of the adhesive's law from measured displacements (THEORY 6 and 7).
 //!
 //! [`Case::new`] makes a [`Problem`] of what a case file names; [`fit`] solves it. The residual, the Jacobian and the
-//! weights are in `objective`, `noise` and `weights`, the iteration in `trust_region` and `cone_step`, what the noise does to
-//! the result in `statistics`. Units: mm, MPa, N/mm; y up.
+//! weights are in `objective`, `noise` and `weights`, the iteration in `trust_region` and `cone_step`, what the noise
+//! does to the result in `statistics`. Units: mm, MPa, N/mm; y up.
 
 mod cases;
 mod doubt;

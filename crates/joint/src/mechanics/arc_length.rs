@@ -1,9 +1,9 @@
 //! Equilibria that a test cannot show: the path through a snap, followed by its length.
 //!
-//! Beyond a limit point the prescribed displacement and the load have to go back for the joint to stay in equilibrium (snap-back).
-//! Time, that is the share of the history of supports and loads, becomes an unknown; what is prescribed instead is how far the jumps
-//! of the adhesive go along the path's tangent (a normal plane in the space of the jumps: what happens in a brittle joint
-//! happens there, and the strips only follow).
+//! Beyond a limit point the prescribed displacement and the load have to go back for the joint to stay in equilibrium
+//! (snap-back). Time, that is the share of the history of supports and loads, becomes an unknown; what is prescribed
+//! instead is how far the jumps of the adhesive go along the path's tangent (a normal plane in the space of the jumps:
+//! what happens in a brittle joint happens there, and the strips only follow).
 
 use super::boundary::{BoundaryHistory, Drive};
 use super::cohesive::{CohesiveLaw, Jump};
@@ -176,10 +176,11 @@ impl Arc<'_> {
 }
 
 impl Model {
-    /// The path of equilibria of `boundary` under `law`, from rest, through snaps. Where the history goes on evenly it is the same
-    /// as that of [`Model::forward`] until the first of them.
+    /// The path of equilibria of `boundary` under `law`, from rest, through snaps. Where the history goes on evenly it
+    /// is the same as that of [`Model::forward`] until the first of them.
     ///
-    /// Sensitivities are those at a fixed time of each point; near a point where the time turns back they grow without bound.
+    /// Sensitivities are those at a fixed time of each point; near a point where the time turns back they grow without
+    /// bound.
     ///
     /// # Errors
     /// A history of other supports than those of the model.

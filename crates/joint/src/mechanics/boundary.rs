@@ -5,8 +5,8 @@ use super::supports::{RigidBlock, Supports};
 use crate::field::RigidMotion;
 use std::collections::{HashMap, HashSet};
 
-/// What drives a joint over the instants of a test: displacements of a fixed set of nodes, in both components or one, and, where there
-/// are such, of rigid blocks, and forces.
+/// What drives a joint over the instants of a test: displacements of a fixed set of nodes, in both components or one,
+/// and, where there are such, of rigid blocks, and forces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BoundaryHistory {
     nodes: Vec<u32>,
@@ -25,7 +25,8 @@ pub struct BoundaryHistory {
 /// Supports and loads that come to a border, or stand for one: groups of nodes driven by component.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Drives {
-    /// Supported nodes: the node, its component (0: x, 1: y), its displacement at each instant (mm), and the name of its group.
+    /// Supported nodes: the node, its component (0: x, 1: y), its displacement at each instant (mm), and the name of
+    /// its group.
     pub supports: Vec<(u32, usize, Vec<f64>, String)>,
     /// Rigid blocks, and the displacements of their points at each instant; zero in components that are not held.
     pub blocks: Vec<(RigidBlock, Vec<[f64; 2]>)>,
@@ -35,8 +36,8 @@ pub struct Drives {
     pub block_loads: Vec<(usize, Vec<[f64; 2]>)>,
 }
 
-/// Where the border is, and what pulls at it, at one time: displacements of the prescribed nodes, then of the blocks' points; forces on the
-/// loaded nodes, then on the blocks' points.
+/// Where the border is, and what pulls at it, at one time: displacements of the prescribed nodes, then of the blocks'
+/// points; forces on the loaded nodes, then on the blocks' points.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Drive {
     pub places: Vec<[f64; 2]>,
@@ -113,8 +114,8 @@ impl BoundaryHistory {
     /// This history with `drives` beside it.
     ///
     /// # Errors
-    /// A component of a node with two different values, a list that has not one value for each instant, a value that is not
-    /// finite.
+    /// A component of a node with two different values, a list that has not one value for each instant, a value that is
+    /// not finite.
     pub fn with(mut self, drives: &Drives) -> Result<Self, BoundaryFault> {
         let n = self.instants.len();
         let counted = |given: usize| match given == n {
@@ -196,7 +197,8 @@ impl BoundaryHistory {
         &self.loaded
     }
 
-    /// The forces on [`BoundaryHistory::loaded`] at instant `k` (from 0), then those at the points of the blocks, N per mm of width.
+    /// The forces on [`BoundaryHistory::loaded`] at instant `k` (from 0), then those at the points of the blocks, N per
+    /// mm of width.
     ///
     /// # Panics
     /// When there is no such instant.
@@ -212,8 +214,8 @@ impl BoundaryHistory {
         }
     }
 
-    /// This history on a refined mesh: `nodes` are prescribed there as `held` says, with the values of `carry` of those here; the nodes
-    /// of blocks are what `between` says.
+    /// This history on a refined mesh: `nodes` are prescribed there as `held` says, with the values of `carry` of those
+    /// here; the nodes of blocks are what `between` says.
     pub(super) fn carried(
         &self,
         nodes: Vec<u32>,
@@ -235,7 +237,8 @@ impl BoundaryHistory {
         }
     }
 
-    /// The same supports and loads at other times: at each of `times` (0: rest, k: instant k) what is between the instants.
+    /// The same supports and loads at other times: at each of `times` (0: rest, k: instant k) what is between the
+    /// instants.
     #[must_use]
     pub fn at_times(&self, times: &[f64]) -> Self {
         let drive = |time: f64| {
@@ -277,7 +280,8 @@ impl BoundaryHistory {
     }
 
     /// Takes off, at each instant, the rigid motion (exact rotation, least squares) of all prescribed nodes
-    /// together, and gives it. `positions` are those of the mesh's nodes, mm. It is for nodes prescribed in both components.
+    /// together, and gives it. `positions` are those of the mesh's nodes, mm. It is for nodes prescribed in both
+    /// components.
     ///
     /// With the jump of the paper this choice changes the tractions (THEORY 9).
     pub fn without_rigid_motion(&self, positions: &[[f64; 2]]) -> (Self, Vec<RigidMotion>) {

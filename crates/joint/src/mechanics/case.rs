@@ -185,8 +185,8 @@ fn mesh(input: &MeshInput) -> Result<JointMesh, JointError> {
     }
 }
 
-/// The groups of nodes of the case and those that supports and loads name; else those of the mesh file of which some node is
-/// prescribed; else the prescribed nodes of each strip.
+/// The groups of nodes of the case and those that supports and loads name; else those of the mesh file of which some
+/// node is prescribed; else the prescribed nodes of each strip.
 fn node_groups(
     input: &JointInput,
     model: &Model,
@@ -289,8 +289,8 @@ fn from_run(run: &JointRun, mesh: &JointMesh, found: &mut Vec<Remark>) -> Result
     BoundaryHistory::new(nodes, instants).map_err(|fault| JointError::Boundary { path: path(), fault })
 }
 
-/// The values of a law's parameters, when no other keys are there than those, `others`, and what states uncertainties (which
-/// the model does not need).
+/// The values of a law's parameters, when no other keys are there than those, `others`, and what states uncertainties
+/// (which the model does not need).
 fn values(
     given: &BTreeMap<String, f64>,
     section: &str,

@@ -46,7 +46,8 @@ pub(super) fn nodes_of_group(
     if nodes.is_empty() { Err("no node of the mesh is there".to_owned()) } else { Ok(nodes) }
 }
 
-/// The supports and loads of a case, and the number of instants that they have; `instants` is that of the border, where there is one.
+/// The supports and loads of a case, and the number of instants that they have; `instants` is that of the border, where
+/// there is one.
 ///
 /// # Errors
 /// A group that is not there or has no nodes, a support of nothing, lists of different lengths.

@@ -1,18 +1,19 @@
 //! Reactions, and where the work that they do goes (THEORY 15).
 //!
-//! Along a path of equilibria `dW = F . du_D = dU + dA`: the work of the reactions is stored in the strips or done on the adhesive.
-//! `U` is a function of the strain, exactly. `W` and `A` are summed along the path, which between states that are solved for is
-//! taken as a parabola. There no field is quite in equilibrium: to the reactions `F_D` of the field belongs a residual `r` at the free nodes, and
-//! the reaction of the equilibrium next to it is, to first order, what the virtual work says,
+//! Along a path of equilibria `dW = F . du_D = dU + dA`: the work of the reactions is stored in the strips or done on
+//! the adhesive. `U` is a function of the strain, exactly. `W` and `A` are summed along the path, which between states
+//! that are solved for is taken as a parabola. There no field is quite in equilibrium: to the reactions `F_D` of the
+//! field belongs a residual `r` at the free nodes, and the reaction of the equilibrium next to it is, to first order,
+//! what the virtual work says,
 //!
 //! ```text
 //! F . du_D = F_D . du_D + r . w,    K_ff^T w = -K_Df^T du_D,
 //! ```
 //!
-//! with `w` between those of the states. So the error is the square of that of the path, and kinks of the law, which every pair passes
-//! at a time of its own, are integrated over pair by pair. States are put in until neither sum changes any more.
-//! Forces do work where their nodes go, `int f . du = [f . u] - int u . df`: what is summed along the path is the last term, which
-//! needs no velocity.
+//! with `w` between those of the states. So the error is the square of that of the path, and kinks of the law, which
+//! every pair passes at a time of its own, are integrated over pair by pair. States are put in until neither sum
+//! changes any more. Forces do work where their nodes go, `int f . du = [f . u] - int u . df`: what is summed along the
+//! path is the last term, which needs no velocity.
 
 use super::boundary::{BoundaryHistory, Drive};
 use super::cohesive::CohesiveLaw;
@@ -90,7 +91,8 @@ struct Follower<'a> {
     max_halvings: u32,
     states_left: usize,
     settled: bool,
-    /// Whether pairs snap in this step: no path of equilibria leads through it, and reactions are what they are at its states.
+    /// Whether pairs snap in this step: no path of equilibria leads through it, and reactions are what they are at its
+    /// states.
     snapped: bool,
     /// Whether a state of this step was not found by Newton's iteration: no more are looked for in it.
     gave_up: bool,
@@ -99,8 +101,8 @@ struct Follower<'a> {
 }
 
 impl Model {
-    /// The reaction of each of `groups` under the displacements `u`, a solution: the force from outside on its nodes (of supports,
-    /// blocks and loads), N per mm of width.
+    /// The reaction of each of `groups` under the displacements `u`, a solution: the force from outside on its nodes
+    /// (of supports, blocks and loads), N per mm of width.
     ///
     /// # Panics
     /// When `u` has not one displacement per node.
@@ -130,8 +132,8 @@ impl Model {
         })
     }
 
-    /// The energies at every instant of `solution`, which is that of `boundary` under `law`; `None` where there is no solution.
-    /// `go_on` is asked before every state that is solved for; where it says no, nothing more is put in.
+    /// The energies at every instant of `solution`, which is that of `boundary` under `law`; `None` where there is no
+    /// solution. `go_on` is asked before every state that is solved for; where it says no, nothing more is put in.
     pub fn energies(
         &self,
         law: &dyn CohesiveLaw,
@@ -331,15 +333,15 @@ impl Follower<'_> {
         0.01 * self.allowed / self.model.bonds().map(|(_, bond, _)| bond.length()).sum::<f64>().max(f64::MIN_POSITIVE)
     }
 
-    /// The sums from `a` over `m` to `b`, of which `once` is known: each half is halved once more, and what that changes tells the
-    /// error.
+    /// The sums from `a` over `m` to `b`, of which `once` is known: each half is halved once more, and what that
+    /// changes tells the error.
     fn over_halves(&mut self, [a, m, b]: [&State; 3], once: Sums, halvings: u32, go_on: &dyn Fn() -> bool) -> Sums {
         let Some(l) = self.middle(a, m, &[a, m, b], halvings + 1, go_on) else { return once };
         let Some(r) = self.middle(m, b, &[a, &l, m, b], halvings + 1, go_on) else { return once };
         let (left, right) = (self.parabola(a, &l, m), self.parabola(m, &r, b));
         let twice = Sums { work: left.work + right.work, adhesive: left.adhesive + right.adhesive };
-        // What is left is a small part of the change, and what is left of one interval may have either sign. Where an interval is long, and
-        // kinks are many, a change may be small by chance.
+        // What is left is a small part of the change, and what is left of one interval may have either sign. Where an
+        // interval is long, and kinks are many, a change may be small by chance.
         let allowed = if halvings < 2 { 0.05 } else { 8.0 } * self.allowed;
         if (twice.work - once.work).abs() <= allowed && (twice.adhesive - once.adhesive).abs() <= allowed {
             return twice;

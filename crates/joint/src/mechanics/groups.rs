@@ -21,7 +21,8 @@ impl NodeGroup {
         Self { name: name.into(), nodes, loaded: false }
     }
 
-    /// One group for each strip of `mesh`, of those of its nodes that are `prescribed`: called as the groups of its elements.
+    /// One group for each strip of `mesh`, of those of its nodes that are `prescribed`: called as the groups of its
+    /// elements.
     pub fn of_strips(mesh: &JointMesh, prescribed: &[u32]) -> Vec<Self> {
         (0..mesh.n_strips() as u32)
             .map(|strip| {
@@ -41,9 +42,9 @@ impl NodeGroup {
     }
 }
 
-/// The nodes that a selection such as `y = max and x < 2.5` names: conditions on `x` or `y` (mm, of the mesh at rest) with `=`,
-/// `<`, `<=`, `>` or `>=`, all of which must hold; `min` and `max` are the ends of the mesh. Equal is what differs by less than a
-/// thousandth of an element.
+/// The nodes that a selection such as `y = max and x < 2.5` names: conditions on `x` or `y` (mm, of the mesh at rest)
+/// with `=`, `<`, `<=`, `>` or `>=`, all of which must hold; `min` and `max` are the ends of the mesh. Equal is what
+/// differs by less than a thousandth of an element.
 ///
 /// # Errors
 /// What is wrong with the text, in words.

@@ -5,7 +5,8 @@ use super::joint::JointMesh;
 use super::supports::Supports;
 use nalgebra::{DMatrix, DVector};
 
-/// Refuses nodes that are not there, nodes that are held or tied twice, blocks that are no bodies, and bodies that could move freely.
+/// Refuses nodes that are not there, nodes that are held or tied twice, blocks that are no bodies, and bodies that
+/// could move freely.
 pub(super) fn check(supports: &Supports, mesh: &JointMesh, small: bool) -> Result<(), ModelError> {
     let n_nodes = mesh.nodes().len();
     let all = supports.nodes.iter().chain(supports.blocks.iter().flat_map(|block| &block.nodes));
@@ -36,14 +37,14 @@ pub(super) fn check(supports: &Supports, mesh: &JointMesh, small: bool) -> Resul
     }
 }
 
-/// A rigid motion that nothing opposes: of which body, and which. Bodies are the strips, those that adhesive joins being one, and
-/// the blocks; what holds them are supports and ties.
+/// A rigid motion that nothing opposes: of which body, and which. Bodies are the strips, those that adhesive joins
+/// being one, and the blocks; what holds them are supports and ties.
 fn free_motion(supports: &Supports, mesh: &JointMesh) -> Option<(String, String)> {
     let body_of = bodies(mesh);
     let n_bodies = body_of.iter().max().map_or(0, |&last| last + 1);
     let size = mesh.extent();
-    // Unknowns: displacement along x, y, and rotation times the size, of each body about the origin of the mesh, then of each
-    // block about its point.
+    // Unknowns: displacement along x, y, and rotation times the size, of each body about the origin of the mesh, then
+    // of each block about its point.
     let n = 3 * (n_bodies + supports.blocks.len());
     let mut rows: Vec<DVector<f64>> = Vec::new();
     let centre = mesh.nodes()[0];

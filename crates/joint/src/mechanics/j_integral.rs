@@ -1,9 +1,11 @@
-//! Energy release: the J-integral over domains of the strips, and the work of separation by mode along the joint (THEORY 15).
+//! Energy release: the J-integral over domains of the strips, and the work of separation by mode along the joint
+//! (THEORY 15).
 //!
 //! For a joint along the unit vector `t` and a weight `q` that is zero at the ends of a window,
-//! `D(q) = sum_A (P grad q) . (H t) - W (t . grad q)`, `H` the displacement gradient, `P` the stress (first Piola-Kirchhoff with finite
-//! rotations), `W` the energy of the strips. Their outer faces being free, what goes in is what the tractions of the joint take out:
-//! `D(q) = -int q T . d(jump)/ds ds`. With `q = 1` over all of the process zone that is J, whatever `q` does beyond.
+//! `D(q) = sum_A (P grad q) . (H t) - W (t . grad q)`, `H` the displacement gradient, `P` the stress (first
+//! Piola-Kirchhoff with finite rotations), `W` the energy of the strips. Their outer faces being free, what goes in is
+//! what the tractions of the joint take out: `D(q) = -int q T . d(jump)/ds ds`. With `q = 1` over all of the process
+//! zone that is J, whatever `q` does beyond.
 
 use super::cohesive::{CohesiveLaw, Jump, Touching, Traction};
 use super::element::Kinematics;

@@ -7,8 +7,8 @@ use super::parts::{JointParts, border_edges, sorted, strips};
 use crate::mesh::{ElementGeometry, shape_functions};
 use std::collections::{HashMap, HashSet};
 
-/// The most nodes of a strip of squares: far beyond what can be solved, and few enough that a slip of the pen in a case asks for no
-/// terabytes.
+/// The most nodes of a strip of squares: far beyond what can be solved, and few enough that a slip of the pen in a case
+/// asks for no terabytes.
 const MOST_NODES: usize = 1 << 24;
 
 /// A checked mesh of a joint, in mm with y up. Nodes and elements keep the numbers they are given with.
@@ -120,9 +120,10 @@ impl JointMesh {
     }
 
     /// The joint between strips that share no node: nodes that face each other across the gap are paired by
-    /// geometry, being each other's nearest on the borders of two different strips. The lower of two strips, from which the normal
-    /// points to the other, is that of the group `parts.lower`; without, the one further down (in the mean), and of two at one height
-    /// the one to the left. Interface elements follow each other along the tangent, which has the normal to its left.
+    /// geometry, being each other's nearest on the borders of two different strips. The lower of two strips, from which
+    /// the normal points to the other, is that of the group `parts.lower`; without, the one further down (in the
+    /// mean), and of two at one height the one to the left. Interface elements follow each other along the tangent,
+    /// which has the normal to its left.
     ///
     /// `parts.interfaces` is left aside.
     ///
@@ -177,7 +178,8 @@ impl JointMesh {
         &self.interfaces
     }
 
-    /// Of each interface element, whether it is cracked: its faces press on each other where they meet, and hold nothing else.
+    /// Of each interface element, whether it is cracked: its faces press on each other where they meet, and hold
+    /// nothing else.
     pub fn cracked(&self) -> &[bool] {
         &self.cracked
     }
@@ -353,8 +355,8 @@ impl JointMesh {
     }
 
     /// The prescribed displacements of this mesh on its refinement `fine`: every node of `fine` on an edge of the
-    /// outer border both of whose ends are prescribed here (in both components, or in the same one) takes the value between them.
-    /// Nodes between those of a rigid block belong to it; forces stay where they are.
+    /// outer border both of whose ends are prescribed here (in both components, or in the same one) takes the value
+    /// between them. Nodes between those of a rigid block belong to it; forces stay where they are.
     pub fn carry_boundary(&self, carry: &Carry, boundary: &BoundaryHistory) -> BoundaryHistory {
         let place: HashMap<u32, usize> = boundary.nodes().iter().enumerate().map(|(k, &node)| (node, k)).collect();
         let faces: HashSet<[u32; 2]> = self.face_edges().collect();
@@ -399,7 +401,8 @@ pub struct Carry {
 }
 
 impl Carry {
-    /// The transposed of [`Carry::values`]: what forces at the nodes of the fine mesh are at the `n` nodes of the coarse one.
+    /// The transposed of [`Carry::values`]: what forces at the nodes of the fine mesh are at the `n` nodes of the
+    /// coarse one.
     pub fn gathered(&self, fine: &[[f64; 2]], n: usize) -> Vec<[f64; 2]> {
         let mut coarse = vec![[0.0; 2]; n];
         for (weights, value) in self.weights.iter().zip(fine) {

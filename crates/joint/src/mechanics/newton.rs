@@ -61,8 +61,8 @@ impl Model {
         self.forward_while(law, boundary, options, &|_| true)
     }
 
-    /// The same; `go_on` is asked before every solution of equations, with the number of the instant (from 1) that it is for.
-    /// Where it says no, that instant has not converged.
+    /// The same; `go_on` is asked before every solution of equations, with the number of the instant (from 1) that it
+    /// is for. Where it says no, that instant has not converged.
     ///
     /// # Errors
     /// As [`Model::forward`].
@@ -223,8 +223,8 @@ impl<'a> Path<'a> {
         self.ready = false;
     }
 
-    /// Makes of `guess` the solution under `drive` next to it, with the factor that is at hand as long as it serves. False where
-    /// there is none near, or it is not stable.
+    /// Makes of `guess` the solution under `drive` next to it, with the factor that is at hand as long as it serves.
+    /// False where there is none near, or it is not stable.
     pub(super) fn settle(&mut self, guess: &mut [[f64; 2]], drive: &Drive) -> bool {
         self.ready = false;
         self.field.copy_from_slice(guess);
@@ -361,7 +361,8 @@ impl<'a> Path<'a> {
         let open = self.law.front_opening();
         let allowed = 0.2 * open;
         let found = self.model.jumps(&self.u);
-        // Arms that turn far go on their own circle, and no tangent predicts it; where they are apart already that is no snap.
+        // Arms that turn far go on their own circle, and no tangent predicts it; where they are apart already that is
+        // no snap.
         let apart = |a: &Jump, b: &Jump| !self.model.options().kinematics.is_small() && a.normal.min(b.normal) > open;
         let pairs = found.iter().zip(&self.predicted).zip(&self.cracked);
         // Faces of a crack part without a snap.
@@ -431,8 +432,8 @@ impl<'a> Path<'a> {
         self.model.jumps(u).iter().zip(&self.cracked).map(|(jump, cracked)| *cracked && jump.normal < 0.0).collect()
     }
 
-    /// Goes along the correction in `rhs` as far as the residual falls; `None` when it does not. With `turns` it goes all the way where
-    /// other faces of a crack touch there, and says so.
+    /// Goes along the correction in `rhs` as far as the residual falls; `None` when it does not. With `turns` it goes
+    /// all the way where other faces of a crack touch there, and says so.
     fn line_search(&mut self, before: Balance, turns: bool) -> Option<(Balance, bool)> {
         let mut best: Option<(f64, f64)> = None;
         let mut share = 1.0;
@@ -480,8 +481,9 @@ impl<'a> Path<'a> {
     /// `(K + eta C_0) du = -R`, with `eta C_0` a share of the initial stiffness added at the interface.
     ///
     /// With `eta` large enough each step goes downhill in every mode whatever the tangent (the pivots tell); while
-    /// the steps do, `eta` falls, and where the tangent is positive again the last of them are those of Newton. (The secant iteration alone
-    /// crawls past the place where the equilibrium was lost: hundreds of iterations, measured.)
+    /// the steps do, `eta` falls, and where the tangent is positive again the last of them are those of Newton. (The
+    /// secant iteration alone crawls past the place where the equilibrium was lost: hundreds of iterations,
+    /// measured.)
     fn relax(&mut self, border: &Drive, effort: &mut Effort, steps: &mut u32) -> bool {
         let longest = 0.2 * self.law.front_opening();
         let mut share = 1.0;

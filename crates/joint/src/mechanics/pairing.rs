@@ -107,8 +107,8 @@ impl Lower {
     }
 }
 
-/// The interface elements, one after the other along the tangent, so that rows of results follow the joint; joints that do not hang
-/// together from left to right.
+/// The interface elements, one after the other along the tangent, so that rows of results follow the joint; joints that
+/// do not hang together from left to right.
 fn in_line(nodes: &[[f64; 2]], found: Vec<[u32; 4]>) -> Vec<[u32; 4]> {
     let middle = |corners: &[u32; 4], c: usize| corners.iter().map(|&node| nodes[node as usize][c]).sum::<f64>();
     let order =

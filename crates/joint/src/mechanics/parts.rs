@@ -11,11 +11,13 @@ pub struct JointParts {
     pub elements: Vec<[u32; 4]>,
     /// Of each interface element: lower left, lower right, upper left, upper right.
     pub interfaces: Vec<[u32; 4]>,
-    /// Of each interface element, whether it is cracked: its faces touch where they meet and hold nothing else; empty for none.
+    /// Of each interface element, whether it is cracked: its faces touch where they meet and hold nothing else; empty
+    /// for none.
     pub cracked: Vec<bool>,
     /// Nodes that may lie on a face of the adhesive, where faces are found by geometry; empty for all border nodes.
     pub faces: Vec<u32>,
-    /// The group of elements whose strip is the lower one, where faces are found by geometry; `None` for the strip further down.
+    /// The group of elements whose strip is the lower one, where faces are found by geometry; `None` for the strip
+    /// further down.
     pub lower: Option<u32>,
     /// Names of the groups of elements, each of which may have its own material; empty for one group.
     pub groups: Vec<String>,

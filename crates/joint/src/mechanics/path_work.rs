@@ -82,8 +82,8 @@ impl<'a> Piece<'a> {
         self.interface(tolerance)[1]
     }
 
-    /// What the adhesive does at the rates of the states, per share of the step, and the work done on it, to about `tolerance` (MPa mm) at
-    /// every point.
+    /// What the adhesive does at the rates of the states, per share of the step, and the work done on it, to about
+    /// `tolerance` (MPa mm) at every point.
     pub fn interface(&self, tolerance: f64) -> [f64; 2] {
         let touching = Touching(self.law);
         let n = self.states.len();
@@ -174,8 +174,8 @@ fn halved(
     [left[0] + right[0], left[1] + right[1]]
 }
 
-/// `int T . d(jump)` of opening and of sliding (MPa mm) along the straight line between two jumps. Pieces are short against the law,
-/// and one ends where the faces touch, since laws have a kink there.
+/// `int T . d(jump)` of opening and of sliding (MPa mm) along the straight line between two jumps. Pieces are short
+/// against the law, and one ends where the faces touch, since laws have a kink there.
 pub(super) fn works_along(law: &dyn CohesiveLaw, from: Jump, to: Jump) -> [f64; 2] {
     let by = Jump { normal: to.normal - from.normal, tangential: to.tangential - from.tangential };
     let at = |share: f64| Jump {

@@ -59,8 +59,8 @@ impl Linearised<'_> {
         solve(self.model, &self.work, &loads(self.model, &forces, &self.work))
     }
 
-    /// `-K_ff^-1 F_f` for each of `forces` (internal nodal forces, N/mm): how the free nodes follow when something else than the
-    /// displacements adds the force, to first order; zero at prescribed nodes.
+    /// `-K_ff^-1 F_f` for each of `forces` (internal nodal forces, N/mm): how the free nodes follow when something else
+    /// than the displacements adds the force, to first order; zero at prescribed nodes.
     ///
     /// # Panics
     /// When a field has not one vector per node.
@@ -71,8 +71,8 @@ impl Linearised<'_> {
 
     /// `dU/dU_D V` for each column of `columns`: how the whole field follows when the prescribed nodes move by
     /// the column (one vector per prescribed node, in the model's order). At the unknowns that is
-    /// `-K_ff^-1 K_fD V`, at prescribed nodes `V` itself; of a node that is held in one component the other is an unknown, and what
-    /// the column says of it is left aside. Blocks and forces stay.
+    /// `-K_ff^-1 K_fD V`, at prescribed nodes `V` itself; of a node that is held in one component the other is an
+    /// unknown, and what the column says of it is left aside. Blocks and forces stay.
     ///
     /// # Panics
     /// When a column has not one vector per prescribed node.

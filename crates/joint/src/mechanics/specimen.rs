@@ -33,8 +33,8 @@ pub struct SpecimenOptions {
     pub arms: [f64; 2],
     /// Thickness of the adhesive.
     pub adhesive: f64,
-    /// Length of the elements along the joint, at most. Bilinear elements are too stiff in bending by half the square of this over the
-    /// thickness of the arm: a tenth of that thickness costs half a percent.
+    /// Length of the elements along the joint, at most. Bilinear elements are too stiff in bending by half the square
+    /// of this over the thickness of the arm: a tenth of that thickness costs half a percent.
     pub element: f64,
     /// Rows of elements in each adherend.
     pub rows: usize,

@@ -1,8 +1,9 @@
 //! What holds and what loads a joint, by component: supported nodes, rigid blocks, forces.
 //!
-//! A component of a node is free, held (its displacement is prescribed), or tied to a rigid block. A block moves as one body:
-//! its point is held, loaded or free by component, and its rotation is free. The nodes of a block are no unknowns; its
-//! own are the free components of its point and the rotation times a length, so that all are mm and all forces N/mm.
+//! A component of a node is free, held (its displacement is prescribed), or tied to a rigid block. A block moves as one
+//! body: its point is held, loaded or free by component, and its rotation is free. The nodes of a block are no
+//! unknowns; its own are the free components of its point and the rotation times a length, so that all are mm and all
+//! forces N/mm.
 
 /// Supported nodes and rigid blocks of a model.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -22,8 +23,8 @@ pub struct RigidBlock {
     pub name: String,
     /// The nodes.
     pub nodes: Vec<u32>,
-    /// Which components of its nodes it moves: both of a block that is glued on, one where they can slide along the other (the lever
-    /// of a test in mixed mode rests on rollers).
+    /// Which components of its nodes it moves: both of a block that is glued on, one where they can slide along the
+    /// other (the lever of a test in mixed mode rests on rollers).
     pub tied: [bool; 2],
     /// The point whose displacement is prescribed, or that is loaded, mm at rest.
     pub point: [f64; 2],
@@ -48,8 +49,8 @@ impl RigidBlock {
         sum.map(|sum| sum / self.nodes.len() as f64)
     }
 
-    /// Root of the mean square distance of its nodes from their centre, mm; of one that moves one component, along the other
-    /// axis. Zero where a rotation would not move its nodes against each other.
+    /// Root of the mean square distance of its nodes from their centre, mm; of one that moves one component, along the
+    /// other axis. Zero where a rotation would not move its nodes against each other.
     pub(super) fn radius(&self, positions: &[[f64; 2]]) -> f64 {
         let centre = self.centre(positions);
         let square = |&node: &u32| {

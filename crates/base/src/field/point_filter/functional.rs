@@ -1,7 +1,7 @@
 //! Sums of coefficients near a node that are right for polynomials: the least change of the coefficient itself.
 
-/// Powers of both coordinates of the monomials, in the order in which they are asked for: all up to the third degree, and the
-/// square of both.
+/// Powers of both coordinates of the monomials, in the order in which they are asked for: all up to the third degree,
+/// and the square of both.
 pub(super) const MONOMIALS: [[i32; 2]; N_MONOMIALS] =
     [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2], [3, 0], [2, 1], [1, 2], [0, 3], [2, 2]];
 /// How many there are.
@@ -13,8 +13,8 @@ const CUBIC: usize = 10;
 const QUADRATIC: usize = 6;
 /// Coefficients so many elements away are used.
 pub(super) const REACH: usize = 3;
-/// Square of a weight one element further away against that of one nearer, in the sum that is made least: as much as keeps the
-/// sum among the nearest that will do.
+/// Square of a weight one element further away against that of one nearer, in the sum that is made least: as much as
+/// keeps the sum among the nearest that will do.
 const WEIGHT_OF_A_RING: f64 = 256.0;
 /// What is left of a condition, against what it was, below which the others leave nothing of it.
 const DEPENDENT: f64 = 1e-8;
@@ -81,8 +81,8 @@ impl Conditions {
         found
     }
 
-    /// The least scaled weights that fulfil the first `n` conditions with the right sides `wanted`, and whether those up to the second
-    /// degree are.
+    /// The least scaled weights that fulfil the first `n` conditions with the right sides `wanted`, and whether those
+    /// up to the second degree are.
     fn least(&self, wanted: &[f64], n: usize) -> (Vec<f64>, bool) {
         let length = self.rows.iter().flatten().next().map_or(0, Vec::len);
         let mut weights = vec![0.0; length];
@@ -103,8 +103,8 @@ impl Conditions {
 }
 
 impl Around {
-    /// The value at the node and the second derivatives there; `None` where too few coefficients are near, or where the value
-    /// would have much more noise than the coefficient.
+    /// The value at the node and the second derivatives there; `None` where too few coefficients are near, or where the
+    /// value would have much more noise than the coefficient.
     pub fn fit(&self) -> Option<Fit> {
         let n = self.rings.len();
         let cost: Vec<f64> = self.rings.iter().map(|&ring| WEIGHT_OF_A_RING.powf(-0.5 * f64::from(ring))).collect();
@@ -160,7 +160,8 @@ fn product(parts: &[f64], correlations: &[f32]) -> f64 {
 }
 
 impl Fit {
-    /// Standard deviation of the value where the coefficients have the standard deviations that `sigma` gives by their number.
+    /// Standard deviation of the value where the coefficients have the standard deviations that `sigma` gives by their
+    /// number.
     pub fn sigma(&self, sigma: impl Fn(usize) -> f64) -> f64 {
         let parts: Vec<f64> = self.value.iter().enumerate().map(|(i, w)| w * sigma(i)).collect();
         let (mut variance, mut at) = (0.0, 0);

@@ -1,8 +1,8 @@
 //! Displacements at points from the coefficients of a projection (THEORY 17).
 //!
-//! What image correlation finds at a node is no value of the displacement there: it is the coefficient of the bilinear field that
-//! is nearest to the displacement over the elements, which overshoots at the nodes by `h^2 u''/12`. A sum over the
-//! coefficients nearby takes that off, and has less noise.
+//! What image correlation finds at a node is no value of the displacement there: it is the coefficient of the bilinear
+//! field that is nearest to the displacement over the elements, which overshoots at the nodes by `h^2 u''/12`. A sum
+//! over the coefficients nearby takes that off, and has less noise.
 
 mod functional;
 mod neighbours;
@@ -92,7 +92,8 @@ impl Made {
         })
     }
 
-    /// Throws patches away that no filter uses, once they may be more than half: where nodes are lost in noise each frame has others.
+    /// Throws patches away that no filter uses, once they may be more than half: where nodes are lost in noise each
+    /// frame has others.
     fn thin_out(&self) {
         const FEW: usize = 4096;
         let mut patches = self.patches.lock().unwrap_or_else(PoisonError::into_inner);
@@ -105,13 +106,14 @@ impl Made {
 }
 
 impl PointFilter {
-    /// For fields on `mesh` where these nodes are measured; elements whose mark says that they are left out do not count.
+    /// For fields on `mesh` where these nodes are measured; elements whose mark says that they are left out do not
+    /// count.
     pub fn new<U: Length>(mesh: &Mesh<U>, measured: &[bool], marks: Option<&[ElementMark]>) -> Self {
         Self::after(mesh, live_elements(mesh, measured, marks), None)
     }
 
-    /// For fields that were regularised: all coefficients stay. They are none of a projection: what the penalty takes from a wave
-    /// is of the size of what the projection adds, or more.
+    /// For fields that were regularised: all coefficients stay. They are none of a projection: what the penalty takes
+    /// from a wave is of the size of what the projection adds, or more.
     pub fn none() -> Self {
         Self { live: Vec::new(), sides: Sides::new(), rows: Vec::new(), made: Arc::default() }
     }
@@ -161,9 +163,9 @@ impl PointFilter {
         self.rows.get(node).map_or_else(|| vec![(node, 1.0)], |row| row.value(node))
     }
 
-    /// The value at a place between nodes as a sum over coefficients; `shape` are the bilinear weights there of the corners of an
-    /// element, or of the ends of an edge. It follows their values and second derivatives, so that it is right for polynomials up
-    /// to the third degree too, and continuous from element to element.
+    /// The value at a place between nodes as a sum over coefficients; `shape` are the bilinear weights there of the
+    /// corners of an element, or of the ends of an edge. It follows their values and second derivatives, so that it
+    /// is right for polynomials up to the third degree too, and continuous from element to element.
     pub fn at<U: Length>(&self, mesh: &Mesh<U>, shape: &[(usize, f64)]) -> Vec<(usize, f64)> {
         let at = |c: usize| shape.iter().map(|&(node, psi)| psi * mesh.nodes()[node][c]).sum::<f64>();
         let place = [at(0), at(1)];
@@ -204,7 +206,8 @@ fn live_elements<U: Length>(mesh: &Mesh<U>, measured: &[bool], marks: Option<&[E
     mesh.elements().iter().enumerate().map(|(element, nodes)| is_in(element) && is_whole(nodes)).collect()
 }
 
-/// The nodes near which an element lives in one of two fields alone: within a patch of it. All others have the same row in both.
+/// The nodes near which an element lives in one of two fields alone: within a patch of it. All others have the same row
+/// in both.
 fn near_changes<U: Length>(mesh: &Mesh<U>, live: &[bool], other: &[bool]) -> Vec<bool> {
     let mut near = vec![false; mesh.n_nodes()];
     for ((nodes, a), b) in mesh.elements().iter().zip(live).zip(other) {
@@ -325,8 +328,8 @@ const SECOND_INSIDE: [[f64; 9]; 3] = [
     [0.0, 1.0, 0.0, 0.0, -2.0, 0.0, 0.0, 1.0, 0.0],
 ];
 
-/// Standard deviation of a sum of nine with these standard deviations, correlated by the product of what they are along both
-/// axes.
+/// Standard deviation of a sum of nine with these standard deviations, correlated by the product of what they are along
+/// both axes.
 fn sigma_inside(part: &[f64; 9]) -> f64 {
     const R: f64 = CORRELATION;
     let correlated = |[a, b, c]: [f64; 3]| [a + R * b + R * R * c, R * (a + c) + b, R * R * a + R * b + c];
@@ -397,7 +400,8 @@ mod tests {
             let filter = filters.for_field(&field);
             most = most.max(filter.made.patches.lock().unwrap().len());
         }
-        // 20 frames of some 1500 patches would be 30 000. Up to 4096, or twice those of the last frames, are kept, and those of a frame come on top.
+        // 20 frames of some 1500 patches would be 30 000. Up to 4096, or twice those of the last frames, are kept, and
+        // those of a frame come on top.
         assert!((1000..6000).contains(&most), "{most} patches");
     }
 }

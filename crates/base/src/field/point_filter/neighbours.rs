@@ -26,8 +26,8 @@ pub(super) struct Neighbours {
 /// node to node.
 pub(super) const FAR: u8 = 4;
 
-/// What lies around a node that is the middle of a rectangle of regular elements: elements to its sides (towards corner 1
-/// the last of the first pair), each at most [`FAR`].
+/// What lies around a node that is the middle of a rectangle of regular elements: elements to its sides (towards corner
+/// 1 the last of the first pair), each at most [`FAR`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(super) struct Extent {
     pub before: [u8; 2],
@@ -142,8 +142,8 @@ impl Neighbours {
         [nw, n, ne, w, node as u32, e, sw, s, se]
     }
 
-    /// The rectangle of regular elements around a node, when all that is within [`FAR`] elements of it is one, with its nodes
-    /// row by row; `None` where it is not.
+    /// The rectangle of regular elements around a node, when all that is within [`FAR`] elements of it is one, with its
+    /// nodes row by row; `None` where it is not.
     pub fn rectangle<U: Length>(&self, mesh: &Mesh<U>, node: usize) -> Option<(Extent, Vec<u32>)> {
         let count = |direction: usize, forward: bool| {
             let mut at = node;

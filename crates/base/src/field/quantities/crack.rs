@@ -24,7 +24,8 @@ pub struct CrackLine {
 pub struct CrackValues {
     /// Opening and sliding at each of its places.
     pub points: Vec<Option<Jump>>,
-    /// The gravest mark of the elements on either face there: an opening beside elements that do not match is to be doubted.
+    /// The gravest mark of the elements on either face there: an opening beside elements that do not match is to be
+    /// doubted.
     pub marks: Vec<ElementMark>,
     /// Its tips: one for each end that is joined, in the order of the path.
     pub tips: Vec<CrackTip>,
@@ -37,7 +38,8 @@ pub struct CrackTip {
     pub end: usize,
     /// What was found.
     pub state: TipState,
-    /// Distance along the path from its first point; the last open place of a crack that is open to its end is that end.
+    /// Distance along the path from its first point; the last open place of a crack that is open to its end is that
+    /// end.
     pub along: Option<Value>,
     /// The same place in the reference.
     pub at: Option<[f64; 2]>,
@@ -71,8 +73,8 @@ impl TipState {
 }
 
 impl CrackLine {
-    /// The crack along `path` in a mesh that is cut there; `None` when it is not. With `elasticity` the stress intensity is found
-    /// at its tips.
+    /// The crack along `path` in a mesh that is cut there; `None` when it is not. With `elasticity` the stress
+    /// intensity is found at its tips.
     pub fn on<U: Length>(mesh: &Mesh<U>, path: Vec<[f64; 2]>, elasticity: Option<Elasticity>) -> Option<Self> {
         let faces = mesh.cut_faces(&path);
         (!faces.points.is_empty()).then_some(Self { path, faces, elasticity })
@@ -153,11 +155,11 @@ fn jump<U: Length>(point: &FacePoint, field: &Measurement<U>, noise: &NodalNoise
     Some(Jump { opening: along([nx, ny])?, sliding: along([0.0 - ny, nx])? })
 }
 
-/// Where the opening falls below [`OPEN_BY_SIGMA`] standard uncertainties on the way from its largest value to the `end` (1: that of
-/// increasing distance) at the distance `joined`.
+/// Where the opening falls below [`OPEN_BY_SIGMA`] standard uncertainties on the way from its largest value to the
+/// `end` (1: that of increasing distance) at the distance `joined`.
 ///
-/// Between the last open place and the next the opening is taken for linear. The standard uncertainty has that of the opening over
-/// its slope, and a place between two nodes drawn by lot.
+/// Between the last open place and the next the opening is taken for linear. The standard uncertainty has that of the
+/// opening over its slope, and a place between two nodes drawn by lot.
 fn tip_along(measured: &[(f64, Value)], end: usize, joined: f64) -> (TipState, Option<Value>) {
     let excess = |value: &Value| value.value - OPEN_BY_SIGMA * value.sigma;
     let ordered: Vec<(f64, Value)> = match end {

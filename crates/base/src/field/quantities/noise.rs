@@ -25,8 +25,8 @@ const PRECISION: f64 = 1e-9;
 /// A regularised field has other correlations: [`NodalNoise::unknown`] then gives an upper bound of every
 /// standard uncertainty.
 ///
-/// What is read at points with it ([`at_point`](crate::field::at_point), extensometers, openings) is made of values at points
-/// ([`PointFilter`]), each a sum over the coefficients nearby; of regularised fields, and after
+/// What is read at points with it ([`at_point`](crate::field::at_point), extensometers, openings) is made of values at
+/// points ([`PointFilter`]), each a sum over the coefficients nearby; of regularised fields, and after
 /// [`of_coefficients`](NodalNoise::of_coefficients), of the coefficients themselves.
 ///
 /// ```

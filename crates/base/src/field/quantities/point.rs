@@ -19,8 +19,9 @@ pub struct PointValues {
     /// The strain, and the standard uncertainty of exx, eyy and exy; `None` where no element with all nodes
     /// measured lies around a corner of the point's element, or where the field folds.
     pub strain: Option<(TensorStrain, [f64; 3])>,
-    /// The same over a window of nodes, interpolated between those of the element (its standard uncertainty as well: windows of
-    /// neighbours share most of their noise); `None` where it is not known at one of them, or not asked for.
+    /// The same over a window of nodes, interpolated between those of the element (its standard uncertainty as well:
+    /// windows of neighbours share most of their noise); `None` where it is not known at one of them, or not asked
+    /// for.
     pub window: Option<(TensorStrain, [f64; 3])>,
 }
 
@@ -45,10 +46,10 @@ impl PointValues {
 /// The field at the point `at` (reference coordinates); `None` outside the mesh and where a node of the element
 /// is not measured.
 ///
-/// The displacement is the value there ([`PointFilter`](crate::field::PointFilter)), not the bilinear field of the coefficients, unless
-/// `noise` says that they stand for themselves ([`NodalNoise`]). The strain is made of the gradients at the corners of
-/// the element ([`StrainField`](crate::field::StrainField) says how), carried to the point by the shape
-/// functions: continuous along a line, over a length of twice the element size.
+/// The displacement is the value there ([`PointFilter`](crate::field::PointFilter)), not the bilinear field of the
+/// coefficients, unless `noise` says that they stand for themselves ([`NodalNoise`]). The strain is made of the
+/// gradients at the corners of the element ([`StrainField`](crate::field::StrainField) says how), carried to the point
+/// by the shape functions: continuous along a line, over a length of twice the element size.
 ///
 /// ```
 /// # use quadrille_base as quadrille;

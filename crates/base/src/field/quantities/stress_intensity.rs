@@ -35,7 +35,8 @@ pub struct StressIntensity {
 const LARGEST: f64 = 12.0;
 /// The smallest outer radius, in elements: between it and the inner one there are two elements.
 const SMALLEST: f64 = 4.0;
-/// The inner radius, of the outer one; at least [`NEAREST`] elements, since elements near the tip do not follow the singular field.
+/// The inner radius, of the outer one; at least [`NEAREST`] elements, since elements near the tip do not follow the
+/// singular field.
 const INNER: f64 = 0.4;
 const NEAREST: f64 = 2.0;
 /// Points per direction of an element that the integral is summed over.
@@ -65,7 +66,8 @@ impl Local {
     }
 }
 
-/// `du_i/dx_j` of the singular field of mode 1 or 2 with K = 1 and E = 1, in plane stress, at polar coordinates about the tip.
+/// `du_i/dx_j` of the singular field of mode 1 or 2 with K = 1 and E = 1, in plane stress, at polar coordinates about
+/// the tip.
 fn williams(mode: usize, poisson: f64, r: f64, theta: f64) -> [[f64; 2]; 2] {
     let kappa = (3.0 - poisson) / (1.0 + poisson);
     let shear = 0.5 / (1.0 + poisson);
@@ -91,11 +93,11 @@ fn williams(mode: usize, poisson: f64, r: f64, theta: f64) -> [[f64; 2]; 2] {
 
 /// The stress intensity of `field` at a tip `at`, with the unit vector `ahead` out of the crack.
 ///
-/// With a weight `q` that falls from 1 at the inner to 0 at the outer radius, and the singular field of K = 1 of each mode beside
-/// the measured one, `K = E/2 I`, `I = sum over elements of (s u' + s' u - s' e delta) grad q`. It is linear in the nodal displacements,
-/// so that its standard uncertainty follows from theirs. Faces are taken for straight and free of traction within the radius, the
-/// material for elastic and even. `None` when less than four elements fit between the tip and the next border, bend or node
-/// that is not measured.
+/// With a weight `q` that falls from 1 at the inner to 0 at the outer radius, and the singular field of K = 1 of each
+/// mode beside the measured one, `K = E/2 I`, `I = sum over elements of (s u' + s' u - s' e delta) grad q`. It is
+/// linear in the nodal displacements, so that its standard uncertainty follows from theirs. Faces are taken for
+/// straight and free of traction within the radius, the material for elastic and even. `None` when less than four
+/// elements fit between the tip and the next border, bend or node that is not measured.
 pub(super) fn stress_intensity<U: Length>(
     field: &Measurement<U>,
     noise: &NodalNoise,
@@ -124,8 +126,8 @@ pub(super) fn stress_intensity<U: Length>(
     Some(StressIntensity { k1: k1?, k2: k2?, radius: outer })
 }
 
-/// Distance from a tip to what the domain may not reach: a border that is no face of the crack, a bend of the path, nodes that are not
-/// measured.
+/// Distance from a tip to what the domain may not reach: a border that is no face of the crack, a bend of the path,
+/// nodes that are not measured.
 fn free_radius<U: Length>(
     field: &Measurement<U>,
     path: &[[f64; 2]],

@@ -1,8 +1,8 @@
 //! The four-node element: shape functions, their derivatives, the map of its square onto it, quadrature, mass matrix.
 //!
 //! Local coordinates `(xi, eta)` run over the square 0..1; its corners, in the order of an element's nodes, are
-//! (0,0), (1,0), (1,1), (0,1). Corners that go around the element from x to y make a positive determinant. A triangle is
-//! an element whose last two nodes are one: the shape functions of both then add up to the third linear one, and all
+//! (0,0), (1,0), (1,1), (0,1). Corners that go around the element from x to y make a positive determinant. A triangle
+//! is an element whose last two nodes are one: the shape functions of both then add up to the third linear one, and all
 //! that is integrated here is right for it as it stands. Derivatives there are the same everywhere but in that corner,
 //! where the map is singular.
 //!
@@ -158,8 +158,8 @@ impl ElementGeometry {
     }
 }
 
-/// The means of `psi_i psi_j` over an element with these corners (the last two equal in a triangle): 1/9, 1/18 and 1/36 on
-/// a rectangle. Zero without area.
+/// The means of `psi_i psi_j` over an element with these corners (the last two equal in a triangle): 1/9, 1/18 and 1/36
+/// on a rectangle. Zero without area.
 ///
 /// ```
 /// # use quadrille_base as quadrille;
@@ -297,7 +297,8 @@ mod tests {
                 }
             }
         }
-        // A triangle's two shape functions of one node, added: a sixth of the area on the diagonal, a twelfth beside it.
+        // A triangle's two shape functions of one node, added: a sixth of the area on the diagonal, a twelfth beside
+        // it.
         let triangle = ElementGeometry::new(ELEMENTS[3]);
         let (mass, area) = (triangle.mass_matrix(), triangle.area());
         let third = mass[2][2] + mass[2][3] + mass[3][2] + mass[3][3];

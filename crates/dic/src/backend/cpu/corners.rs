@@ -1,4 +1,5 @@
-//! What varies over an element bilinearly between its corners: the displacement, and light. Along a row of pixels it is affine.
+//! What varies over an element bilinearly between its corners: the displacement, and light. Along a row of pixels it is
+//! affine.
 
 use super::plane::{Plane, View};
 use super::sample::{place, weight};
@@ -35,7 +36,8 @@ impl Corners {
     /// Whether the pixels of an element all land beyond one side of the deformed image.
     #[inline(always)]
     pub fn is_outside(&self, element: &ElementPixels, deformed: View<'_>) -> bool {
-        // What is bilinear lies between its corners; the margin is more than the round-off of `f32` and what still counts.
+        // What is bilinear lies between its corners; the margin is more than the round-off of `f32` and what still
+        // counts.
         const MARGIN: f32 = 0.5;
         let beyond = |first: i32, n: u16, u: &[f32; 4], size: usize| {
             let (low, high) = u.iter().fold((f32::MAX, f32::MIN), |(low, high), u| (low.min(*u), high.max(*u)));
@@ -109,8 +111,8 @@ impl Brings for &Light {
     }
 }
 
-/// What is bilinear between its values at the corners, in lanes anywhere in the element. No `map` over arrays here: it is compiled by itself, without the
-/// vector instructions of the kernel.
+/// What is bilinear between its values at the corners, in lanes anywhere in the element. No `map` over arrays here: it
+/// is compiled by itself, without the vector instructions of the kernel.
 #[inline(always)]
 pub(super) fn bilinear<const FMA: bool, const L: usize>(corner: &[f32; 4], xi: &[f32; L], eta: &[f32; L]) -> [f32; L] {
     let [a, b, c, d] = *corner;

@@ -7,8 +7,9 @@ use crate::backend::spline::at_pixel;
 use crate::imaging::Interpolation;
 use crate::isa::mul_add;
 
-/// How the gradient at a pixel is made of the coefficients around it: in whole `unit`s of grey levels per px, since 16 bits are half the bytes of `f32` that
-/// every pass over the pixels reads, and as many digits as a gradient has (see [`KernelOptions`](crate::backend::KernelOptions)).
+/// How the gradient at a pixel is made of the coefficients around it: in whole `unit`s of grey levels per px, since 16
+/// bits are half the bytes of `f32` that every pass over the pixels reads, and as many digits as a gradient has (see
+/// [`KernelOptions`](crate::backend::KernelOptions)).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AtPixel {
     value: [f32; 5],
@@ -25,12 +26,14 @@ impl AtPixel {
     }
 }
 
-/// Added to a number below 2^22, it leaves the nearest whole one in the low bits of the sum. Twin: shaders/gradient.wgsl.
+/// Added to a number below 2^22, it leaves the nearest whole one in the low bits of the sum. Twin:
+/// shaders/gradient.wgsl.
 const NEAREST: f32 = 12_582_912.0; // 1.5 * 2^23
 
 /// Room for `L` lanes and two more at both sides.
 const ROOM: usize = 32;
-/// Rows that are summed along y before the first is summed along x: what has just been written piece by piece cannot be read across the pieces at once.
+/// Rows that are summed along y before the first is summed along x: what has just been written piece by piece cannot be
+/// read across the pieces at once.
 const ROWS: usize = 16;
 
 /// Sums along y, of the value and of the derivative.
@@ -46,8 +49,8 @@ impl Default for AlongY {
     }
 }
 
-/// The gradient of the spline with coefficients `c` in rows of lanes one below the other, of which the first begins at column `x` of row `y`. Beyond the image
-/// it is a number, but no gradient.
+/// The gradient of the spline with coefficients `c` in rows of lanes one below the other, of which the first begins at
+/// column `x` of row `y`. Beyond the image it is a number, but no gradient.
 #[inline(always)]
 pub(super) fn gradients<const FMA: bool, const L: usize>(
     c: View<'_>,

@@ -45,7 +45,8 @@ impl Pool {
     pub fn pages<T: Pod>(&self, n: usize, what: &str) -> Result<Pages<T>, BackendError> {
         let (bytes, value_bytes) = (n * size_of::<T>(), size_of::<T>());
         let mut free = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        // Of values of the same kind: whole numbers side by side may be no `f32` number, and what lanes beyond a row read is multiplied by zero.
+        // Of values of the same kind: whole numbers side by side may be no `f32` number, and what lanes beyond a row
+        // read is multiplied by zero.
         let memory = match free.iter().position(|memory| (memory.bytes, memory.value_bytes) == (bytes, value_bytes)) {
             Some(at) => free.swap_remove(at),
             None => Memory::zeros(bytes, value_bytes, what)?,

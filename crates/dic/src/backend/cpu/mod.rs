@@ -204,7 +204,8 @@ impl CpuField {
         if is_excluded(&self.excluded, element) { ElementSums::default() } else { self.sums[element] }
     }
 
-    /// Moves the nodes by their corrections, each relaxed, times `(cos, sin)`. The largest component of the corrections, px, and its node.
+    /// Moves the nodes by their corrections, each relaxed, times `(cos, sin)`. The largest component of the
+    /// corrections, px, and its node.
     fn move_nodes(&mut self, correction: &[[f64; 2]], [cos, sin]: [f64; 2]) -> (f64, usize) {
         let damping = cos.hypot(sin);
         let [before, latest] = &mut self.relaxation;
@@ -358,8 +359,8 @@ impl CpuLevel {
         })
     }
 
-    /// Corrects the field by the sums of its last evaluation, over `zones`, and by what the transfer has changed since: the
-    /// sums are of the residual before that.
+    /// Corrects the field by the sums of its last evaluation, over `zones`, and by what the transfer has changed since:
+    /// the sums are of the residual before that.
     fn correct(&self, field: &mut CpuField, zones: &[PixelSums], solver: &Solver, scale: [f64; 2]) -> Step {
         let correlations: Vec<f64> = zones.iter().map(PixelSums::correlation).collect();
         if field.first.is_empty() {

@@ -72,8 +72,8 @@ fn remaining_moments_body<const FMA: bool, const L: usize>(
     }
 }
 
-/// The sums of a rectangle of pixels, but for their number; `weights` are those of lanes from a column on in a row (at xi and
-/// eta), of which the mask says which belong to the element.
+/// The sums of a rectangle of pixels, but for their number; `weights` are those of lanes from a column on in a row (at
+/// xi and eta), of which the mask says which belong to the element.
 #[inline(always)]
 fn one_element<const FMA: bool, const L: usize>(
     reference: &Reference,

@@ -25,7 +25,8 @@ pub(super) struct ElementSums {
 }
 
 impl ElementSums {
-    /// With the right-hand side, summed in units of the gradient, in grey levels: no digit changes, since a unit is a power of two.
+    /// With the right-hand side, summed in units of the gradient, in grey levels: no digit changes, since a unit is a
+    /// power of two.
     #[inline(always)]
     pub fn times_unit(mut self, unit: f32) -> Self {
         for b in &mut self.b {

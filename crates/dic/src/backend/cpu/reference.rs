@@ -1,7 +1,7 @@
 //! The pixels of a reference in the order in which the passes over them go: element by element, row below row.
 //!
-//! In an image the rows of an element lie a whole image row apart, each on a page of its own. Side by side they are one stream that the
-//! hardware reads ahead of, of the pixels of elements alone.
+//! In an image the rows of an element lie a whole image row apart, each on a page of its own. Side by side they are one
+//! stream that the hardware reads ahead of, of the pixels of elements alone.
 
 use super::gradient::{AlongY, AtPixel, gradients};
 use super::lanes::Lanes;
@@ -29,8 +29,8 @@ pub(super) struct Reference {
     pub unit: f32,
     /// Where the lanes of each element begin, and where the last ones end.
     first: Vec<u32>,
-    /// [`Lanes`] of all elements. Of a rectangle, columns of lanes one after the other, from its left to its right, each from top to bottom; else as
-    /// [`parts`] gives them.
+    /// [`Lanes`] of all elements. Of a rectangle, columns of lanes one after the other, from its left to its right,
+    /// each from top to bottom; else as [`parts`] gives them.
     lanes: Pages<u8>,
     /// Pixels side by side in each.
     width: usize,
@@ -158,7 +158,8 @@ fn fill_body<const FMA: bool, G: Grey, const L: usize>(
     }
 }
 
-/// Fills rows of lanes one below the other, of which the first begins at column `x` of row `y`, with `n` pixels each at most.
+/// Fills rows of lanes one below the other, of which the first begins at column `x` of row `y`, with `n` pixels each at
+/// most.
 #[inline(always)]
 fn fill_rows<const FMA: bool, G: Grey, const L: usize>(
     source: &Source<'_, G>,

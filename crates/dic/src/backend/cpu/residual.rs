@@ -154,7 +154,8 @@ impl<const L: usize> Accumulators<L> {
 /// Where the pixels of an element land, if all of them do inside the deformed image.
 #[derive(Clone, Copy, PartialEq)]
 enum Lands {
-    /// With the floor of the element's whole offset: true of most elements, and worth knowing, since their rows need no look at all.
+    /// With the floor of the element's whole offset: true of most elements, and worth knowing, since their rows need no
+    /// look at all.
     Uniform,
     /// With floors that differ by [`FURTHER`] at most along a row of lanes.
     Inside,

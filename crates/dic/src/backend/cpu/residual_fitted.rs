@@ -1,5 +1,5 @@
-//! The residual pass where every element has a gain and an offset of its own: one pass that interpolates, one that forms the residual, and
-//! between them the fit.
+//! The residual pass where every element has a gain and an offset of its own: one pass that interpolates, one that
+//! forms the residual, and between them the fit.
 
 use super::corners::{AsItIs, Corners, row_displacement};
 use super::lanes::Lanes;

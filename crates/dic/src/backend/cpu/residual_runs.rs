@@ -1,4 +1,5 @@
-//! The residual pass over elements whose pixels are runs with local coordinates of their own: cut by a mask, or of any shape.
+//! The residual pass over elements whose pixels are runs with local coordinates of their own: cut by a mask, or of any
+//! shape.
 
 use super::corners::{Brings, Corners};
 use super::lanes::Lanes;
@@ -9,7 +10,8 @@ use crate::backend::spline::Spline;
 use crate::isa::mul_add;
 use crate::mesh::{ElementPixels, Run};
 
-/// Lane accumulators of an element whose pixels are runs with local coordinates of their own: cut by a mask, or of any shape.
+/// Lane accumulators of an element whose pixels are runs with local coordinates of their own: cut by a mask, or of any
+/// shape.
 pub(super) struct RunAccumulators<const L: usize> {
     b: [[f32; L]; 8],
     rr: [f32; L],

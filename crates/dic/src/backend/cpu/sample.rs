@@ -167,8 +167,8 @@ fn sample<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     // A wild field lands everywhere.
     let further = [sx1.saturating_sub(sx0), y1.saturating_sub(y0)];
     let is_tame = further.iter().all(|further| *further <= MOST_FURTHER);
-    // Rows beyond the image have nothing to read, and lanes left of it must begin within the border. A floor just outside the image
-    // is allowed by `EDGE`; its taps lie in the border.
+    // Rows beyond the image have nothing to read, and lanes left of it must begin within the border. A floor just
+    // outside the image is allowed by `EDGE`; its taps lie in the border.
     let leftmost = if all_inside { -1 } else { before as i32 - BORDER as i32 };
     let readable = x.saturating_add(sx0) >= leftmost && y0 >= -1 && (all_inside || y1 < c.height as i32);
     if !scalar && is_tame && readable {
@@ -210,7 +210,8 @@ pub(super) fn interpolate<const FMA: bool, S: Spline<K>, const K: usize, const L
     interpolate_across::<FMA, 0, S, K, L>(c, at, (tx, 0.0), (ty, 0.0))
 }
 
-/// Floors beyond the lowest that [`interpolate_across`] tells apart at most: as many as a strain of an eighth brings into 16 lanes.
+/// Floors beyond the lowest that [`interpolate_across`] tells apart at most: as many as a strain of an eighth brings
+/// into 16 lanes.
 pub(super) const FURTHER: usize = 2;
 /// Floors beyond the lowest up to which a row is interpolated in lanes.
 const MOST_FURTHER: i32 = 5;
@@ -231,7 +232,8 @@ fn of_round([x, y]: [i32; 2]) -> usize {
     }
 }
 
-/// Values from the first tap of a row's lanes on that are read where there are so many floors `further` than the lowest.
+/// Values from the first tap of a row's lanes on that are read where there are so many floors `further` than the
+/// lowest.
 #[inline(always)]
 fn reach<const K: usize, const L: usize>(stride: usize, further: [i32; 2]) -> usize {
     let round = of_round(further);
@@ -239,7 +241,8 @@ fn reach<const K: usize, const L: usize>(stride: usize, further: [i32; 2]) -> us
     (K - 1 + y) * stride + (K - 1 + x) + L
 }
 
-/// Interpolates lanes with displacements whose floors are the lowest, whose taps begin at `at`, or one of those `further` on, [`FURTHER`] at most.
+/// Interpolates lanes with displacements whose floors are the lowest, whose taps begin at `at`, or one of those
+/// `further` on, [`FURTHER`] at most.
 #[inline(always)]
 fn interpolate_round<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     c: View<'_>,
@@ -255,7 +258,8 @@ fn interpolate_round<const FMA: bool, S: Spline<K>, const K: usize, const L: usi
     }
 }
 
-/// Interpolates lanes with displacements `[ux, uy]` whose floors are the `low` ones, with taps from `at` on, or up to so many `further` along x and y.
+/// Interpolates lanes with displacements `[ux, uy]` whose floors are the `low` ones, with taps from `at` on, or up to
+/// so many `further` along x and y.
 #[inline(always)]
 fn interpolate_floors<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     c: View<'_>,
@@ -276,8 +280,8 @@ fn interpolate_floors<const FMA: bool, S: Spline<K>, const K: usize, const L: us
             let at = at + up * c.stride + right;
             let of_round = interpolate_round::<FMA, S, K, L>(c, at, (ux, low_x), (uy, low_y), round as i32 - 1);
             for i in 0..L {
-                // The last round that does not begin above a lane has its floor, or the first, whatever u - floor rounds to. Without
-                // short-circuits: a branch per lane would undo the vectors.
+                // The last round that does not begin above a lane has its floor, or the first, whatever u - floor
+                // rounds to. Without short-circuits: a branch per lane would undo the vectors.
                 let here = ((ux[i] >= low_x) | (right == 0)) & ((uy[i] >= low_y) | (up == 0));
                 g[i] = if here { of_round[i] } else { g[i] };
             }
@@ -286,8 +290,8 @@ fn interpolate_floors<const FMA: bool, S: Spline<K>, const K: usize, const L: us
     g
 }
 
-/// Interpolates the first `lanes` of a row, which all land inside the plane, with displacements that are affine along it and run by less than
-/// [`FURTHER`]; for a displacement within 0..1 the taps begin at `at`.
+/// Interpolates the first `lanes` of a row, which all land inside the plane, with displacements that are affine along
+/// it and run by less than [`FURTHER`]; for a displacement within 0..1 the taps begin at `at`.
 #[inline(always)]
 pub(super) fn interpolate_inside<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     c: View<'_>,
@@ -310,8 +314,8 @@ fn blend(mask: u32, a: f32, b: f32) -> f32 {
     f32::from_bits((a.to_bits() & mask) | (b.to_bits() & !mask))
 }
 
-/// The fractions of displacements beyond their floors, each of which is `low` or one of the `N` after it, and for each of these a mask: the lanes whose floor is
-/// that or a later one.
+/// The fractions of displacements beyond their floors, each of which is `low` or one of the `N` after it, and for each
+/// of these a mask: the lanes whose floor is that or a later one.
 #[inline(always)]
 fn fractions<const N: usize, const L: usize>(u: &[f32; L], low: f32) -> ([f32; L], [[u32; L]; N]) {
     let (mut t, mut beyond) = ([0.0; L], [[0; L]; N]);
@@ -328,8 +332,9 @@ fn fractions<const N: usize, const L: usize>(u: &[f32; L], low: f32) -> ([f32; L
     (t, beyond)
 }
 
-/// Interpolates lanes with displacements whose floors need not be the same: the lowest, whose taps begin at `at`, or one of the `N` after it. The taps
-/// of a lane are picked out of the columns and rows that any of them has: the same sums as if it were alone, in the same order.
+/// Interpolates lanes with displacements whose floors need not be the same: the lowest, whose taps begin at `at`, or
+/// one of the `N` after it. The taps of a lane are picked out of the columns and rows that any of them has: the same
+/// sums as if it were alone, in the same order.
 #[inline(always)]
 fn interpolate_across<const FMA: bool, const N: usize, S: Spline<K>, const K: usize, const L: usize>(
     c: View<'_>,

@@ -264,8 +264,8 @@ impl Gpu {
             int_div_checks: false,
             ..wgpu::ShaderRuntimeChecks::checked()
         };
-        // SAFETY: indices stay checked. Every loop of our shaders counts up to a bound, and whole numbers are divided by constants
-        // alone that are not 0 (tests/correlation/shaders.rs).
+        // SAFETY: indices stay checked. Every loop of our shaders counts up to a bound, and whole numbers are divided
+        // by constants alone that are not 0 (tests/correlation/shaders.rs).
         #[allow(unsafe_code, reason = "shaders without checks that ours do not need: a third of their instructions")]
         let module = unsafe { self.device.create_shader_module_trusted(descriptor, checks) };
         let entries: Vec<_> = kernel
@@ -328,8 +328,8 @@ impl Gpu {
         Bound { pipeline: pipeline.clone(), group }
     }
 
-    /// Bytes of a buffer that serves for so many: one of eight sizes between two powers of two, so that what differs a little from
-    /// frame to frame (elements that lost pixels) is of few sizes.
+    /// Bytes of a buffer that serves for so many: one of eight sizes between two powers of two, so that what differs a
+    /// little from frame to frame (elements that lost pixels) is of few sizes.
     fn rounded(&self, bytes: u64) -> u64 {
         let exact = bytes.next_multiple_of(16).max(16);
         let rounded = exact.next_multiple_of((exact.next_power_of_two() / 16).max(16));
@@ -388,7 +388,8 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// A buffer of constants, which may be dropped as soon as it is bound. Frames ask for the same ones again and again.
+    /// A buffer of constants, which may be dropped as soon as it is bound. Frames ask for the same ones again and
+    /// again.
     pub fn uniform<T: Pod>(&self, contents: &T) -> Buffer {
         let contents = bytemuck::bytes_of(contents);
         let mut kept = self.uniforms.lock().unwrap_or_else(PoisonError::into_inner);

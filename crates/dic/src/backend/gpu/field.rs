@@ -296,7 +296,8 @@ impl GpuField {
         self.batch(gpu, level, by, ahead, recorder, traffic)
     }
 
-    /// The correction of the last step taken back, and another one made from the same sums; then as many steps as `ahead` allows.
+    /// The correction of the last step taken back, and another one made from the same sums; then as many steps as
+    /// `ahead` allows.
     pub(super) fn solve_again(
         &mut self,
         gpu: &Gpu,
@@ -312,7 +313,8 @@ impl GpuField {
         self.batch(gpu, level, by, ahead, recorder, traffic)
     }
 
-    /// Corrects the field by the sums of its last evaluation, after what is recorded, and makes as many steps after that as `ahead` allows.
+    /// Corrects the field by the sums of its last evaluation, after what is recorded, and makes as many steps after
+    /// that as `ahead` allows.
     fn batch<'a>(
         &mut self,
         gpu: &'a Gpu,

@@ -262,7 +262,8 @@ impl GpuLevel {
     ) -> Result<Vec<ElementMoments>, BackendError> {
         let pipeline = gpu.pipeline(Kernel::NormalMatrix, self.options.interpolation, 0);
         let none = gpu.storage(16, "nothing")?;
-        // How grey levels that change as a whole are coupled with the displacement: of all pixels, in elements and in zones.
+        // How grey levels that change as a whole are coupled with the displacement: of all pixels, in elements and in
+        // zones.
         let of_zones = displacement.is_none() && self.options.brightness != Brightness::Off;
         let own_transfer = u32::from(self.own_transfer() || of_zones);
         let mut moments = Vec::with_capacity(list.len());

@@ -1,9 +1,9 @@
 //! The GPU backend: WGSL kernels through wgpu, on any adapter that offers WebGPU's default limits.
 //!
 //! Images, references and fields live on the device. Some iterations are one batch of work and one small report of each
-//! (largest correction, match of the zones), with which the field comes back where it may be the end. Sums run in a fixed order and
-//! without atomics, so one device gives the same bits on every run. Kernels: `shaders/`; their twins: the CPU
-//! backend.
+//! (largest correction, match of the zones), with which the field comes back where it may be the end. Sums run in a
+//! fixed order and without atomics, so one device gives the same bits on every run. Kernels: `shaders/`; their twins:
+//! the CPU backend.
 
 mod device;
 mod field;
@@ -107,8 +107,8 @@ impl GpuBackend {
         self.gpu.profile.switch(timing)
     }
 
-    /// Copies `bytes`, rounded down to a multiple of 16 and at least that, within the device's memory, to and fro, `times` times in
-    /// all, and waits. They are written once before.
+    /// Copies `bytes`, rounded down to a multiple of 16 and at least that, within the device's memory, to and fro,
+    /// `times` times in all, and waits. They are written once before.
     ///
     /// # Errors
     /// When the device fails, or not all copies have been made.

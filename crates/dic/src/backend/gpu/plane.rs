@@ -17,7 +17,8 @@ pub(super) const BORDER: usize = 4;
 /// Columns and rows of a piece of the prefilter; the same in `shaders/prefilter.wgsl`.
 const TILE_LINES: usize = 64;
 const TILE_LENGTH: usize = 32;
-/// Pixels that it runs in over without a pole, with one, that of the cubic spline, and with two, of which the first fades later.
+/// Pixels that it runs in over without a pole, with one, that of the cubic spline, and with two, of which the first
+/// fades later.
 const HALOS: [i32; 3] = [0, 16, 24];
 /// Rows of the gradient that a thread makes; the same in `shaders/gradient.wgsl`.
 const GRADIENT_ROWS: u32 = 16;

@@ -58,9 +58,9 @@ struct Row {
 
 /// Makes [`Kernel`] of a table with a row for each: its name; its file in `shaders/`, without the ending, and its entry
 /// point there, with `spline` where the source depends on the interpolation; threads of a workgroup and bindings; the
-/// [`Part`] of a frame's time that it counts to; the bytes that it must move at least; its arithmetic, integers included, as counted
-/// in the source for the cubic spline, right to about a third; and what the bytes are: every value that it reads or writes
-/// counts once, however often it is read; P pixels, E elements, N nodes.
+/// [`Part`] of a frame's time that it counts to; the bytes that it must move at least; its arithmetic, integers
+/// included, as counted in the source for the cubic spline, right to about a third; and what the bytes are: every value
+/// that it reads or writes counts once, however often it is read; P pixels, E elements, N nodes.
 macro_rules! kernels {
     ($(
         $(#[$doc:meta])*

@@ -13,8 +13,9 @@ use std::ops::{Deref, Range};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Fall of the residual that the inner iterations are to reach with a regularised matrix, whose long waves fall last and are what the
-/// regularisation is about; else it is that of the host: an iteration solved to less takes another one.
+/// Fall of the residual that the inner iterations are to reach with a regularised matrix, whose long waves fall last
+/// and are what the regularisation is about; else it is that of the host: an iteration solved to less takes another
+/// one.
 const REDUCTION_REGULARISED: f64 = 1e-3;
 /// Inner iterations, at least and at most; a regularised matrix that needs more is solved by the host.
 const LEAST: usize = 4;
@@ -133,8 +134,8 @@ impl GpuSolver {
         self.host
     }
 
-    /// One for a matrix that differs from that of this one in some rows, see [`Solver::change_rows`]: what both have in common is not
-    /// brought to the device again.
+    /// One for a matrix that differs from that of this one in some rows, see [`Solver::change_rows`]: what both have in
+    /// common is not brought to the device again.
     pub(super) fn change_rows(&self, gpu: &Gpu, host: Solver) -> Result<Self, BackendError> {
         let (Some(of_this), Some(n), None) = (&self.device, self.n_changed, host.penalty()) else {
             return Self::new(gpu, host);

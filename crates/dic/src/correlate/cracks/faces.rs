@@ -1,8 +1,9 @@
-//! The faces of a cut where the elements of a frame do not match: their nodes are followed one by one, each by the pixels around it on
-//! its own side, with a gain, an offset and an affine motion of their own (docs/correlation.md, section 2.12).
+//! The faces of a cut where the elements of a frame do not match: their nodes are followed one by one, each by the
+//! pixels around it on its own side, with a gain, an offset and an affine motion of their own (docs/correlation.md,
+//! section 2.12).
 //!
-//! Beside a crack that opens wide the light changes and the material turns and stretches from element to element: there one gain for the
-//! zone and one start for all may fail where the texture is still to be seen.
+//! Beside a crack that opens wide the light changes and the material turns and stretches from element to element: there
+//! one gain for the zone and one start for all may fail where the texture is still to be seen.
 
 use crate::imaging::Image;
 use crate::linalg::Dense;
@@ -35,7 +36,8 @@ const STEEPEST: f64 = 0.6;
 const AWAY_PX: f64 = 2.0;
 /// Starts that are nearer to each other lead to the same place: by this displacement, px, and this gradient.
 const SAME_START: (f64, f64) = (4.0, 0.05);
-/// Two neighbours have to be where the motion of both has them, px: true ones of a real crack differ by up to 2, false ones by 3.
+/// Two neighbours have to be where the motion of both has them, px: true ones of a real crack differ by up to 2, false
+/// ones by 3.
 const AGREE_PX: f64 = 2.5;
 /// What is left is no white noise but of the size of speckles: it counts so many times in the standard uncertainty.
 const COLOURED: f64 = 2.0;
@@ -91,8 +93,8 @@ impl Affine {
     }
 }
 
-/// The pixels around a node on its own side, with their grey levels in the reference: without their plane and of length 1. Light that
-/// changes with the place (out of the shadow of a loading block) is a plane, to first order.
+/// The pixels around a node on its own side, with their grey levels in the reference: without their plane and of length
+/// 1. Light that changes with the place (out of the shadow of a loading block) is a plane, to first order.
 struct Patch {
     about: [f64; 2],
     pixels: Vec<[f64; 2]>,
@@ -161,7 +163,8 @@ impl Patch {
         Some((motion, second))
     }
 
-    /// Iterates from `start` by least squares of the grey levels without their plane and of length 1: motion, coefficient, standard uncertainty.
+    /// Iterates from `start` by least squares of the grey levels without their plane and of length 1: motion,
+    /// coefficient, standard uncertainty.
     fn iterate(&self, image: &Image, start: &Affine) -> Option<(Affine, f64, [f64; 2])> {
         let mut motion = *start;
         for _ in 0..ITERATIONS {
@@ -237,7 +240,8 @@ fn scale(values: &mut [f64]) -> Option<f64> {
     (length > 0.0).then_some(length)
 }
 
-/// Grey level between pixels and its gradient, by cubic convolution (Keys 1981); none where it would reach beyond the image.
+/// Grey level between pixels and its gradient, by cubic convolution (Keys 1981); none where it would reach beyond the
+/// image.
 fn cubic(image: &Image, [x, y]: [f64; 2]) -> Option<[f64; 3]> {
     let [i, j] = [x.floor(), y.floor()];
     let inside = i >= 1.0 && j >= 1.0 && i + 2.0 < image.width() as f64 && j + 2.0 < image.height() as f64;
@@ -316,7 +320,8 @@ fn distance(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
     (r[0] - along * d[0]).hypot(r[1] - along * d[1])
 }
 
-/// A node that is not yet followed: the pixels around it, the second where the first do not find it, and the nodes beside it.
+/// A node that is not yet followed: the pixels around it, the second where the first do not find it, and the nodes
+/// beside it.
 struct Waiting {
     patches: Vec<Patch>,
     beside: Vec<usize>,
@@ -367,8 +372,9 @@ impl Waiting {
 /// Motion of a node and its standard uncertainty.
 type Found = BTreeMap<usize, (Affine, [f64; 2])>;
 
-/// Follows the nodes on the faces of cuts (`doubled`) that see texture (`sees`) and all of whose elements are `gone`, from the `displacement` of
-/// those that were measured, from where the frame was started (`expected`: the frames before), and from each other.
+/// Follows the nodes on the faces of cuts (`doubled`) that see texture (`sees`) and all of whose elements are `gone`,
+/// from the `displacement` of those that were measured, from where the frame was started (`expected`: the frames
+/// before), and from each other.
 pub(crate) fn follow_nodes(
     [reference, deformed]: [&Image; 2],
     mesh: &Mesh<Px>,
@@ -448,8 +454,8 @@ fn disagreement(mesh: &Mesh<Px>, found: &Found, displacement: &[[f64; 2]], one: 
     off(0).hypot(off(1))
 }
 
-/// The nodes of `found` that do not agree with their neighbours: of groups of nodes that agree the smaller ones beside a larger one.
-/// Where the edge of a face is brighter than its texture, the edge may be found anywhere along it.
+/// The nodes of `found` that do not agree with their neighbours: of groups of nodes that agree the smaller ones beside
+/// a larger one. Where the edge of a face is brighter than its texture, the edge may be found anywhere along it.
 fn against_neighbours(found: &Found, beside: impl Fn(usize) -> Vec<(usize, f64)>) -> Vec<usize> {
     let followed = |node: usize| beside(node).into_iter().filter(|(other, _)| found.contains_key(other));
     // A group is named by its first node.

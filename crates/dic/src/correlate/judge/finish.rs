@@ -27,13 +27,14 @@ use rayon::prelude::*;
 /// A residual of this many times the noise of the reference says that a zone is misfit everywhere: out of focus, a
 /// reflection, another light.
 const MISFIT_EVERYWHERE: f64 = 3.0;
-/// An element is marked as misfit when the mean square of its residual is beyond noise, and this many times that of its zone
-/// (a quarter more in amplitude): less is what interpolation, light and compression leave in real images.
+/// An element is marked as misfit when the mean square of its residual is beyond noise, and this many times that of its
+/// zone (a quarter more in amplitude): less is what interpolation, light and compression leave in real images.
 const MARKED_RATIO: f64 = 1.5625;
-/// Light that is to be held has followed for so many iterations on every device, whenever it was seen that it does not settle.
+/// Light that is to be held has followed for so many iterations on every device, whenever it was seen that it does not
+/// settle.
 const LIGHT_ITERATIONS: usize = 34;
-/// While elements that do not match are still counted, light that has not settled is one where it leaves half of the elements less than this of their
-/// residual; else something that does not match has passed for it.
+/// While elements that do not match are still counted, light that has not settled is one where it leaves half of the
+/// elements less than this of their residual; else something that does not match has passed for it.
 const HELD_RATIO: f64 = 0.9;
 /// A zone so misfit that has lost more than this share of its elements is not found at all.
 const CHOSEN_SHARE: f64 = 0.2;
@@ -80,8 +81,8 @@ impl<B: Backend> Correlator<B> {
         }
     }
 
-    /// What an iteration has found; where the light asks for smooth fields, after iterating on with them. The fields follow the displacement one
-    /// iteration late, as the transfers of the zones do.
+    /// What an iteration has found; where the light asks for smooth fields, after iterating on with them. The fields
+    /// follow the displacement one iteration late, as the transfers of the zones do.
     fn find_light(
         &self,
         frame: &mut B::Frame,
@@ -137,8 +138,9 @@ impl<B: Backend> Correlator<B> {
         (0..mesh.zones().len()).flat_map(|zone| self.noise_gain.variances(mesh, zone, displacement)).collect()
     }
 
-    /// Iterates while the light follows the field, which was as `before` when the light was found. Where one holds the other up, and it is
-    /// light, it stays as it is from some iteration on: what remains to be found is the displacement.
+    /// Iterates while the light follows the field, which was as `before` when the light was found. Where one holds the
+    /// other up, and it is light, it stays as it is from some iteration on: what remains to be found is the
+    /// displacement.
     pub(crate) fn iterate_in_light(
         &self,
         frame: &mut B::Frame,
@@ -213,7 +215,8 @@ impl<B: Backend> Correlator<B> {
         Ok(Iterated { outcome, found, light, excluded })
     }
 
-    /// What an iteration has found that has not settled, without what keeps it from that, see [`Correlator::iterate_without_astray`].
+    /// What an iteration has found that has not settled, without what keeps it from that, see
+    /// [`Correlator::iterate_without_astray`].
     pub(crate) fn end_without_astray(
         &self,
         frame: &mut B::Frame,
@@ -232,8 +235,8 @@ impl<B: Backend> Correlator<B> {
         self.end_iteration(frame, field, outcome, excluded)
     }
 
-    /// Puts nodes of elements that are `excluded`, and those that noise has kept from settling, where the field around them would have them: what
-    /// comes after may be begun from there.
+    /// Puts nodes of elements that are `excluded`, and those that noise has kept from settling, where the field around
+    /// them would have them: what comes after may be begun from there.
     fn fill(&self, outcome: &Outcome<B>, found: &mut Found, excluded: &[bool]) {
         let mesh = &self.levels[0].mesh;
         if excluded.contains(&true) {
@@ -298,7 +301,8 @@ impl<B: Backend> Correlator<B> {
         let probe = self.probe.as_ref().filter(|_| status == Status::Converged);
         let light_nodes = light.as_ref().map(Light::nodes);
         let noise_colour = probe.and_then(|probe| probe.look(&of.by_grey, &image, light_nodes, &made.freedom_left));
-        // Noise that is correlated, as that of resampled images, shows little in the fine structure; a reflection may pass for it.
+        // Noise that is correlated, as that of resampled images, shows little in the fine structure; a reflection may
+        // pass for it.
         let is_coloured = noise_colour.is_some_and(|colour| colour.to_apply().is_some());
         let everywhere = self.misfit_everywhere(&elements, &made.zones, &pair, is_coloured);
         let nodes_in_noise = self.leave_out_noise(&of, &everywhere, &mut made);
@@ -491,8 +495,8 @@ impl<B: Backend> Correlator<B> {
         (model_error, misfit)
     }
 
-    /// What was found, with the nodes on faces of cuts that their elements have lost and that can be followed by themselves; they keep
-    /// the marks of their elements. `expected` is where the frame was started, all nodes.
+    /// What was found, with the nodes on faces of cuts that their elements have lost and that can be followed by
+    /// themselves; they keep the marks of their elements. `expected` is where the frame was started, all nodes.
     pub(crate) fn add_faces(
         &self,
         frame: &B::Frame,
@@ -553,8 +557,9 @@ impl<B: Backend> Correlator<B> {
         zones.iter().enumerate().map(match_of).collect()
     }
 
-    /// Nodes beside an element that counted, with a displacement that an image of this size can have, and the number of those all of whose elements
-    /// have left the image; those that have lost one because it is `excluded` are not among them.
+    /// Nodes beside an element that counted, with a displacement that an image of this size can have, and the number of
+    /// those all of whose elements have left the image; those that have lost one because it is `excluded` are not
+    /// among them.
     fn measured_nodes(
         &self,
         elements: &[ElementMatch],

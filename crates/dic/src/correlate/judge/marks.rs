@@ -1,5 +1,5 @@
-//! What is the matter with the elements of a frame, by name (docs/correlation.md, section 2.8.1): only of those that are
-//! marked is anything read.
+//! What is the matter with the elements of a frame, by name (docs/correlation.md, section 2.8.1): only of those that
+//! are marked is anything read.
 
 use crate::field::{ElementMark, ModelError};
 use crate::imaging::Image;
@@ -13,8 +13,8 @@ const WHITE: f32 = 0.995;
 /// Correlation coefficient of the reference with the deformed image in the same place from which on an element has not
 /// moved, and by which it has to be better there than where the field puts it.
 const STILL: f64 = 0.7;
-/// Correlation coefficient of the residual with the deformed image in the same place from which on something in the element
-/// has not moved.
+/// Correlation coefficient of the residual with the deformed image in the same place from which on something in the
+/// element has not moved.
 const PARTLY_STILL: f64 = 0.6;
 /// and that of the two images in the one place, at least.
 const IN_BOTH: f64 = 0.35;
@@ -37,8 +37,8 @@ pub(crate) struct Pair<'a> {
 
 /// What the pixels of one element say.
 struct Sample {
-    /// Reference, deformed image where the field puts the element; deformed image in the place of the first, and reference
-    /// in that of the second.
+    /// Reference, deformed image where the field puts the element; deformed image in the place of the first, and
+    /// reference in that of the second.
     grey: Vec<[f64; 4]>,
     /// Share of pixels that are white in the deformed image and not in the reference.
     white: f64,
@@ -46,8 +46,8 @@ struct Sample {
 }
 
 impl<'a> Pair<'a> {
-    /// Reference and deformed image, and the `displacement` of all nodes: of those that were not measured as the field around them would
-    /// have it.
+    /// Reference and deformed image, and the `displacement` of all nodes: of those that were not measured as the field
+    /// around them would have it.
     pub fn new([reference, deformed]: [&'a Image; 2], mesh: &'a Mesh<Px>, displacement: &'a [[f64; 2]]) -> Self {
         let white = WHITE * deformed.range().1.max(deformed.pixels().white().min(255.0));
         Self { reference, deformed, mesh, displacement, white }
@@ -120,8 +120,8 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// Marks the elements beside those that do not match, where less is enough: a residual beyond noise at all, or a node that may be
-/// off by more than [`PULLED_SIGMAS`], since what is wrong in an element pulls at the nodes around it.
+/// Marks the elements beside those that do not match, where less is enough: a residual beyond noise at all, or a node
+/// that may be off by more than [`PULLED_SIGMAS`], since what is wrong in an element pulls at the nodes around it.
 pub(crate) fn mark_pulled_along(mesh: &Mesh<Px>, marks: &mut [ElementMark], error: &ModelError, sigma: &[[f64; 2]]) {
     let mut beside = vec![false; mesh.n_nodes()];
     for (nodes, mark) in mesh.elements().iter().zip(marks.iter()) {

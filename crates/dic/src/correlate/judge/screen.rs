@@ -1,9 +1,9 @@
 //! Elements give up, not frames: those that do not match are left out of the sums of one frame (docs/correlation.md,
 //! section 2.8.1).
 //!
-//! A frame that converges is tested once, by the residual of its elements against that of their zone; where all match, which
-//! is the rule, nothing more is done. Else those that do not are left out, the rest is iterated on with its own matrix, and all
-//! are tested again, those left out where the field around them would put them: some come back.
+//! A frame that converges is tested once, by the residual of its elements against that of their zone; where all match,
+//! which is the rule, nothing more is done. Else those that do not are left out, the rest is iterated on with its own
+//! matrix, and all are tested again, those left out where the field around them would put them: some come back.
 //!
 //! A frame that does not converge is tried once more with a penalty that keeps the field smooth until the elements that
 //! do not match are known: what one of them does then spreads no further than the penalty's length.
@@ -41,8 +41,8 @@ const TIMES: u8 = 2;
 pub(crate) const LEAST_LEFT: f64 = 0.2;
 /// Cut-off length of the penalty of a second try, in elements.
 const SMOOTH_ELEMENTS: f64 = 6.0;
-/// Up to this many nodes a factor solves with this penalty. Beyond, conjugate gradients do, since a short cut-off leaves the matrix well
-/// conditioned: a factor of 262 000 nodes would take seconds and 4 GB.
+/// Up to this many nodes a factor solves with this penalty. Beyond, conjugate gradients do, since a short cut-off
+/// leaves the matrix well conditioned: a factor of 262 000 nodes would take seconds and 4 GB.
 const FACTORED_UP_TO: usize = 5_000;
 /// Limits of the smooth iterations of a second try.
 const SMOOTH_TOLERANCE_PX: f64 = 0.02;
@@ -57,8 +57,8 @@ const AWAY: f64 = 0.25;
 /// nodes that wander on do not hold them.
 const REST_ITERATIONS: usize = 20;
 const SETTLED_PX: f64 = 0.02;
-/// How often elements that hinder the rest are left out before the frame is given up; each time half of what a node may still
-/// move by is left.
+/// How often elements that hinder the rest are left out before the frame is given up; each time half of what a node may
+/// still move by is left.
 const TRIES: i32 = 8;
 
 impl<B: Backend> Correlator<B> {
@@ -110,8 +110,8 @@ impl<B: Backend> Correlator<B> {
         })
     }
 
-    /// Leaves out the elements that do not match, until the rest has converged without them; `excluded` are those that are
-    /// left out already. Of a frame whose elements all match only the test is made.
+    /// Leaves out the elements that do not match, until the rest has converged without them; `excluded` are those that
+    /// are left out already. Of a frame whose elements all match only the test is made.
     pub(crate) fn screen(
         &self,
         frame: &mut B::Frame,
@@ -204,8 +204,8 @@ impl<B: Backend> Correlator<B> {
         Limits { own: true, enough_anywhere: true, max_iterations, ..limits }
     }
 
-    /// After an iteration of the elements that are left: where it has not settled, iterates on without those around nodes that have gone astray from
-    /// `safe` or still move, until the rest has or nothing is left.
+    /// After an iteration of the elements that are left: where it has not settled, iterates on without those around
+    /// nodes that have gone astray from `safe` or still move, until the rest has or nothing is left.
     pub(crate) fn iterate_without_astray(
         &self,
         frame: &mut B::Frame,
@@ -230,9 +230,9 @@ impl<B: Backend> Correlator<B> {
         Ok(outcome)
     }
 
-    /// After an iteration that has not settled: leaves out the elements around nodes that have gone astray from `safe` or
-    /// still move, and puts the field back there. What has run away has taken its neighbourhood along: of that only the nodes
-    /// that ran furthest go, and all go back. The elements that are left out now.
+    /// After an iteration that has not settled: leaves out the elements around nodes that have gone astray from `safe`
+    /// or still move, and puts the field back there. What has run away has taken its neighbourhood along: of that
+    /// only the nodes that ran furthest go, and all go back. The elements that are left out now.
     fn leave_out_astray(
         &self,
         frame: &mut B::Frame,
@@ -282,7 +282,8 @@ impl<B: Backend> Correlator<B> {
         Ok(left_out)
     }
 
-    /// The penalty that keeps a level smooth while its elements are told apart; none where there is nothing to scale it to.
+    /// The penalty that keeps a level smooth while its elements are told apart; none where there is nothing to scale it
+    /// to.
     fn smoother(&self, level: usize) -> Option<Regulariser> {
         let Level { mesh, moments, pattern, keep, lambda, .. } = &self.levels[level];
         let cutoff_px = SMOOTH_ELEMENTS * mesh.element_size();
@@ -356,8 +357,8 @@ impl<B: Backend> Correlator<B> {
         }
     }
 
-    /// A second try of a frame that has not converged, from `from`: smoothly until the elements that do not match are known, then
-    /// without them.
+    /// A second try of a frame that has not converged, from `from`: smoothly until the elements that do not match are
+    /// known, then without them.
     pub(crate) fn try_smoothly(
         &self,
         frame: &mut B::Frame,

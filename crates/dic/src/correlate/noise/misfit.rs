@@ -1,11 +1,11 @@
 //! Where the residual says that the field is not followed (THEORY 11): every element against the noise of its zone.
 //!
-//! Noise is alike in elements of much and of little texture; a displacement `du` that is not followed, and a blur, leave
-//! a residual that grows with the gradient, `mean (grad f . du)^2`. So the mean squares of the residual of the elements of a
-//! zone are fitted by noise (constant, and with the grey level, as photons make it) plus a share of the gradient's; the
-//! first is the noise that the elements are held against, and needs to be known from nowhere else. A small share of the
-//! gradient's, below a tenth in amplitude, is counted as misfit only where the reference has less noise than that by its
-//! fine structure: the interpolation of fine texture leaves as much.
+//! Noise is alike in elements of much and of little texture; a displacement `du` that is not followed, and a blur,
+//! leave a residual that grows with the gradient, `mean (grad f . du)^2`. So the mean squares of the residual of the
+//! elements of a zone are fitted by noise (constant, and with the grey level, as photons make it) plus a share of the
+//! gradient's; the first is the noise that the elements are held against, and needs to be known from nowhere else. A
+//! small share of the gradient's, below a tenth in amplitude, is counted as misfit only where the reference has less
+//! noise than that by its fine structure: the interpolation of fine texture leaves as much.
 
 use crate::backend::{ElementMatch, ElementMoments, GreyTransfer};
 use crate::correlate::noise::uncertainty::NoiseGain;
@@ -68,7 +68,8 @@ pub(crate) struct Excess {
 /// What one element's residual is against that of its zone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Look {
-    /// Mean square of the residual over that of the noise of the zone, what the field leaves there everywhere included.
+    /// Mean square of the residual over that of the noise of the zone, what the field leaves there everywhere
+    /// included.
     pub ratio: f64,
     /// Displacement that would leave what is beyond, root mean square, px.
     pub px: f64,
@@ -308,9 +309,9 @@ fn sample_of(seen: Vec<&Seen>) -> Vec<&Seen> {
     if every == 1 { seen } else { seen.into_iter().step_by(every).collect() }
 }
 
-/// The noise of the elements of a zone; none where there is nothing to see. `in_both`: the noise of the reference is in residual
-/// and gradient, so that an element with more of it by chance has more of both; their covariance over the noise's variance
-/// squared, times half the pixels.
+/// The noise of the elements of a zone; none where there is nothing to see. `in_both`: the noise of the reference is in
+/// residual and gradient, so that an element with more of it by chance has more of both; their covariance over the
+/// noise's variance squared, times half the pixels.
 fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> Option<ZoneNoise> {
     let mean = |f: &dyn Fn(&Seen) -> f64| {
         let n: f64 = seen.iter().map(|one| one.n).sum();
@@ -342,7 +343,8 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
     };
     /// Fits under weights that the fit before gives; nothing tests that they have settled.
     const ROUNDS: usize = 5;
-    // Variance of the noise as the round before has it, and as the fine structure allows: at first all of the residual may be misfit.
+    // Variance of the noise as the round before has it, and as the fine structure allows: at first all of the residual
+    // may be misfit.
     let fine = stated.map_or(fine, |stated| stated.min(fine));
     let mut noise = 0.0;
     for _ in 0..ROUNDS {
@@ -374,7 +376,8 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
                 }
                 return Some(found);
             };
-            // Scatter of an element's mean square about the fit, in that, for one pixel: never below that of white noise.
+            // Scatter of an element's mean square about the fit, in that, for one pixel: never below that of white
+            // noise.
             let fit = |one: &Seen| features(one).iter().zip(solution).map(|(phi, a)| phi * a).sum::<f64>();
             let low = solution[0].abs().max(f64::MIN_POSITIVE) * 0.25;
             let scatter: f64 =

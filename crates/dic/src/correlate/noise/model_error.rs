@@ -1,14 +1,15 @@
 //! What the field may be off beyond noise (THEORY 11): an estimate for every node, without any pixel.
 //!
 //! Three parts, added as squares:
-//! - **The mesh is too coarse.** A smooth displacement that the elements only follow with straight lines is overshot at the
-//!   nodes by `h^2 u''/12` (projection of a parabola on linear elements; at an end as well): a twelfth of the second
-//!   difference of the nodal values.
-//! - **What the residual shows**: waves shorter than two elements, cracks, a blur ([`crate::correlate::noise::misfit`]). The texture turns the
-//!   displacement that is not followed into an error of the nodes, as it does with noise; measured 0.5 to 0.9 of its root
-//!   mean square in waves of 1.5 to 2 elements, 0.2 in a blur, so that as a whole is taken.
-//! - **A regularisation** draws the field to what it prefers: `a = A^-1 M a_true`, `A = M + w R`, is short of the truth by
-//!   `A^-1 w R a_true`. Of that the first two terms of the series in the field found are taken.
+//! - **The mesh is too coarse.** A smooth displacement that the elements only follow with straight lines is overshot at
+//!   the nodes by `h^2 u''/12` (projection of a parabola on linear elements; at an end as well): a twelfth of the
+//!   second difference of the nodal values.
+//! - **What the residual shows**: waves shorter than two elements, cracks, a blur
+//!   ([`crate::correlate::noise::misfit`]). The texture turns the displacement that is not followed into an error of
+//!   the nodes, as it does with noise; measured 0.5 to 0.9 of its root mean square in waves of 1.5 to 2 elements, 0.2
+//!   in a blur, so that as a whole is taken.
+//! - **A regularisation** draws the field to what it prefers: `a = A^-1 M a_true`, `A = M + w R`, is short of the truth
+//!   by `A^-1 w R a_true`. Of that the first two terms of the series in the field found are taken.
 
 use crate::linalg::Solver;
 use crate::mesh::Mesh;

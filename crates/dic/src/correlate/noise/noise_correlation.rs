@@ -1,11 +1,11 @@
 //! Whether the noise of the images is correlated from pixel to pixel, and what that does to the standard uncertainty
 //! (docs/correlation.md, section 2.7).
 //!
-//! The right-hand side `b = sum psi grad f r` has the variance `sigma^2 sum (psi grad f)^2` when the noise is white. The
-//! correlation itself makes `b` vanish, so that its own residual cannot tell. But *another* piece of the same texture, laid over the
-//! residual of a block, has the same spectrum and does not vanish: the mean square of `sum q r` over many pairs of
-//! blocks, beside what white noise of the residual's size would give, is the factor on the variance. No model of the
-//! noise is needed: smoothing, demosaicing, compression and noise of rows all show in it.
+//! The right-hand side `b = sum psi grad f r` has the variance `sigma^2 sum (psi grad f)^2` when the noise is white.
+//! The correlation itself makes `b` vanish, so that its own residual cannot tell. But *another* piece of the same
+//! texture, laid over the residual of a block, has the same spectrum and does not vanish: the mean square of `sum q r`
+//! over many pairs of blocks, beside what white noise of the residual's size would give, is the factor on the variance.
+//! No model of the noise is needed: smoothing, demosaicing, compression and noise of rows all show in it.
 
 use crate::backend::{Backend, ElementMoments, GreyTransfer, KernelOptions};
 use crate::correlate::noise::noise_model::Elements;
@@ -38,8 +38,8 @@ const WIDTH: usize = 2 * LAGS + 1;
 pub(crate) const SEEN: f64 = 1.1;
 /// ... where it lies this many of its standard deviations above 1.
 const CERTAIN: f64 = 3.5;
-/// A residual that follows the texture's own gradient this much more than other pieces of texture is misfit: in the mean of
-/// all displacements that elements cannot follow, and in the one that shows most.
+/// A residual that follows the texture's own gradient this much more than other pieces of texture is misfit: in the
+/// mean of all displacements that elements cannot follow, and in the one that shows most.
 const MISFIT: [f64; 2] = [1.3, 1.75];
 /// Displacements that elements cannot follow: bent twice and three times along x and y, of both components.
 const MODES: usize = 8;
@@ -55,8 +55,9 @@ pub struct NoiseColour {
     pub factor_sigma: f64,
     /// Correlation of neighbouring pixels of the residual along x and y, less that of white noise.
     pub neighbours: [f64; 2],
-    /// Mean square of the residual along displacements that elements cannot follow, beside that along other texture: about
-    /// 1 for noise of any colour, more for misfit. The mean of several kinds of such displacements, and the largest.
+    /// Mean square of the residual along displacements that elements cannot follow, beside that along other texture:
+    /// about 1 for noise of any colour, more for misfit. The mean of several kinds of such displacements, and the
+    /// largest.
     pub misfit: [f64; 2],
 }
 
@@ -106,8 +107,8 @@ struct Block {
     grey: Vec<f32>,
     /// Its gradient in both directions, without mean and slope, of unit length.
     pieces: [Vec<f32>; 2],
-    /// Displacements that the element cannot follow, times the gradient: of unit length, at right angles to each other and
-    /// to all that the fit can follow; none where the texture does not show the mode.
+    /// Displacements that the element cannot follow, times the gradient: of unit length, at right angles to each other
+    /// and to all that the fit can follow; none where the texture does not show the mode.
     beyond: [Option<Vec<f32>>; MODES],
 }
 
@@ -229,10 +230,11 @@ impl NoiseProbe {
         })
     }
 
-    /// Looks at the residual of `image` in a frame: `None` where too few blocks are whole. `freedom` is the share of the
-    /// residual's degrees of freedom that the unknowns of each zone leave. What lies below half of the standard deviation of
-    /// rounding (identical images) is round-off of the computation, whose colour means nothing.
-    /// `light` is what comes before the transfer of the zone at each node, where the light varies; of a block it is taken in the mean.
+    /// Looks at the residual of `image` in a frame: `None` where too few blocks are whole. `freedom` is the share of
+    /// the residual's degrees of freedom that the unknowns of each zone leave. What lies below half of the standard
+    /// deviation of rounding (identical images) is round-off of the computation, whose colour means nothing.
+    /// `light` is what comes before the transfer of the zone at each node, where the light varies; of a block it is
+    /// taken in the mean.
     pub fn look(
         &self,
         frame: &Elements<'_>,
@@ -372,7 +374,8 @@ impl NoiseProbe {
             let between = |lag: usize| self.filter[k][lag] + t * (self.filter[k + 1][lag] - self.filter[k][lag]);
             std::array::from_fn::<f64, { LAGS + 1 }, _>(between)
         });
-        // Mean square that white noise of one grey level in each image leaves along what has the autocorrelation `lags`.
+        // Mean square that white noise of one grey level in each image leaves along what has the autocorrelation
+        // `lags`.
         let white = |lags: &Lags| {
             let mut sum = 0.0;
             for (k, value) in lags.iter().enumerate() {
@@ -525,8 +528,8 @@ fn corner(of: &Prepared<'_>, element: usize, side: usize) -> Option<[usize; 2]> 
     inside.then_some(first)
 }
 
-/// Share of the mean square of the pieces (of component `c`), laid over other blocks, that the fit leaves in the residual
-/// `(I - G A^-1 G^T) e`: `1 - (2 b . a - a . M a)`, `a = A^-1 b`, for pieces with a random sign each.
+/// Share of the mean square of the pieces (of component `c`), laid over other blocks, that the fit leaves in the
+/// residual `(I - G A^-1 G^T) e`: `1 - (2 b . a - a . M a)`, `a = A^-1 b`, for pieces with a random sign each.
 fn left_by_fit(of: &Prepared<'_>, blocks: &[Block], gradients: &[[Vec<f32>; 2]], c: usize, own_transfer: bool) -> f64 {
     let n = blocks.len();
     let (mut whole, mut taken) = (0.0, 0.0);
@@ -586,8 +589,9 @@ fn filter_lags(interpolation: Interpolation, t: f64) -> [f64; LAGS + 1] {
     std::array::from_fn(|lag| weight.iter().zip(&weight[lag..]).map(|(a, b)| a * b).sum())
 }
 
-/// Of a square of values, at all lags up to [`LAGS`] in both directions. The sum at each lag runs row by row, and the lags of a
-/// row side by side; what lies beyond the square counts as zero. A lag and its opposite have the same products.
+/// Of a square of values, at all lags up to [`LAGS`] in both directions. The sum at each lag runs row by row, and the
+/// lags of a row side by side; what lies beyond the square counts as zero. A lag and its opposite have the same
+/// products.
 fn autocorrelation(values: &[f32], side: usize) -> Lags {
     let stride = side + 2 * LAGS;
     let mut padded = vec![0.0; side * stride];

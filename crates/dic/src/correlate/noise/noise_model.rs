@@ -1,5 +1,5 @@
-//! Noise that rises with the grey level, `sigma^2 = a + b grey`: its two numbers from reference and residual, and what it
-//! makes of the standard uncertainty of each node (docs/correlation.md, section 2.7).
+//! Noise that rises with the grey level, `sigma^2 = a + b grey`: its two numbers from reference and residual, and what
+//! it makes of the standard uncertainty of each node (docs/correlation.md, section 2.7).
 
 use crate::backend::{ElementMatch, ElementMoments, GreyTransfer};
 use crate::correlate::noise::uncertainty::NoiseGain;
@@ -52,7 +52,8 @@ impl Elements<'_> {
         }
     }
 
-    /// Mean grey level of an element in the reference and in the deformed image, in their own scale; the gain between them.
+    /// Mean grey level of an element in the reference and in the deformed image, in their own scale; the gain between
+    /// them.
     fn greys(&self, element: usize) -> Option<[f64; 3]> {
         let moments = &self.moments[element];
         if moments.n == 0.0 {

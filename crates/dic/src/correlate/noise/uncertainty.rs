@@ -15,8 +15,9 @@ use crate::mesh::{Mesh, shape_functions};
 use crate::units::Px;
 use rayon::prelude::*;
 
-/// Where elements have lost pixels the spread is done anew for their nodes and this many rows of nodes around them. What
-/// happens at a node reaches others by about 0.27 per row, and their variance by the square of that: by 4e-4 beyond.
+/// Where elements have lost pixels the spread is done anew for their nodes and this many rows of nodes around them.
+/// What happens at a node reaches others by about 0.27 per row, and their variance by the square of that: by 4e-4
+/// beyond.
 const REDONE_ROWS: usize = 2;
 /// and those redone are solved for with this many further rows, beyond which nodes are held: as much again.
 const FREE_ROWS: usize = 2;
@@ -68,8 +69,8 @@ impl NodalSpread {
         AtNode { texture, mass: slope * texture * texture, at_bound: wanted < least }
     }
 
-    /// That of a frame in which elements have lost pixels, for `solver` of what is left, with the `regulariser` of the level:
-    /// done anew around them, see [`REDONE_ROWS`]. `None` when a regularisation does not hold what is left.
+    /// That of a frame in which elements have lost pixels, for `solver` of what is left, with the `regulariser` of the
+    /// level: done anew around them, see [`REDONE_ROWS`]. `None` when a regularisation does not hold what is left.
     pub fn update(
         &self,
         isa: Isa,
@@ -144,7 +145,8 @@ pub(crate) fn spread_of(
     let lambda = nodal_lambda(mesh, &pattern, of_elements);
     // None of the solver of a frame which the regularisation could not hold.
     if let Some(Spread { variance, freedom }) = regulariser.and_then(|regulariser| regulariser.spread(solver)) {
-        // P is about M0 over the mean square gradient of the zone; that of a node which the penalty holds may be nothing.
+        // P is about M0 over the mean square gradient of the zone; that of a node which the penalty holds may be
+        // nothing.
         let over_gradient: Vec<[f64; 2]> = (0..mesh.zones().len())
             .map(|zone| {
                 let (mut of_mass, mut of_texture) = (0.0, [0.0; 2]);
@@ -233,8 +235,8 @@ pub(crate) struct NoiseGain {
     reference: f64,
 }
 
-/// What of the noise of the deformed image is in a zone of one frame, in the grey levels of the reference: THEORY 10 with
-/// the factor of the transfer, `var(r) = sigma^2 (1/k + gain^2 v)`.
+/// What of the noise of the deformed image is in a zone of one frame, in the grey levels of the reference: THEORY 10
+/// with the factor of the transfer, `var(r) = sigma^2 (1/k + gain^2 v)`.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ZoneGain {
     /// Noise variance of the residual, by that of one image.
@@ -256,8 +258,8 @@ impl ZoneGain {
     }
 
     /// Variance of a component of the displacement of a node, px^2, for `noise` grey levels in one image:
-    /// `sigma^2 [(1/k + gain^2) M0^-1 + gain^2 v_D lambda M0^-1 P M0^-1]`. The noise of the reference against that of its
-    /// own gradient cancels.
+    /// `sigma^2 [(1/k + gain^2) M0^-1 + gain^2 v_D lambda M0^-1 P M0^-1]`. The noise of the reference against that of
+    /// its own gradient cancels.
     pub fn variance(&self, noise: f64, at: AtNode, component: usize) -> f64 {
         let of_gradient = self.product[component] * self.lambda(noise);
         noise * noise * ((self.reference + self.deformed) * at.texture + of_gradient * at.mass)
@@ -343,7 +345,8 @@ impl NoiseGain {
             product[1] += vx * py;
         }
         let used = transfer.gain * transfer.gain;
-        // The gain in use supposes that both images are noisy alike; what it is off by scales the residual's derivative.
+        // The gain in use supposes that both images are noisy alike; what it is off by scales the residual's
+        // derivative.
         let ratio = self.reference * n_elements / residual.max(f64::MIN_POSITIVE);
         let known = fitted.and_then(|sums| sums.transfer_for(ratio)).map_or(used, |known| known.gain * known.gain);
         let off = if used > 0.0 { known / used } else { 1.0 };
@@ -400,9 +403,9 @@ mod tests {
         moments
     }
 
-    /// Largest relative differences of what is done anew near elements that have lost `columns` columns of pixels at the left
-    /// border from what is done anew for all nodes: of the standard deviations by texture and by noise of the gradient, and of the
-    /// degrees of freedom.
+    /// Largest relative differences of what is done anew near elements that have lost `columns` columns of pixels at
+    /// the left border from what is done anew for all nodes: of the standard deviations by texture and by noise of
+    /// the gradient, and of the degrees of freedom.
     fn differences(columns: usize, regularisation: Regularisation) -> [f64; 3] {
         let size = 20 * ELEMENT;
         let roi = Roi { x0: 0.0, y0: 0.0, x1: size as f64, y1: size as f64 };
@@ -466,9 +469,9 @@ mod tests {
 
     #[test]
     fn uncertainties_done_anew_near_lost_elements_are_those_of_all_nodes_done_anew() {
-        // Half an element, an element and a quarter, three whole ones; a texture so uneven that what happens at a node falls by
-        // 0.4 per row: by 0.4^6 = 0.4 % in a variance where nodes are held or no longer done anew. Both are probed with the same
-        // signs, to the same fall of the residual.
+        // Half an element, an element and a quarter, three whole ones; a texture so uneven that what happens at a node
+        // falls by 0.4 per row: by 0.4^6 = 0.4 % in a variance where nodes are held or no longer done anew.
+        // Both are probed with the same signs, to the same fall of the residual.
         for columns in [ELEMENT / 2, ELEMENT + 2, 3 * ELEMENT] {
             let [variance, of_mass, freedom] = differences(columns, Regularisation::None);
             assert!(
@@ -485,8 +488,9 @@ mod tests {
             [Regularisation::Tikhonov { cutoff_px }, Regularisation::EquilibriumGap { cutoff_px, poisson: 0.33 }]
         {
             for columns in [ELEMENT / 2, 3 * ELEMENT] {
-                // Selected inverses are exact: what is left is what is not done anew, and where nodes are held. The part of the
-                // gradient's noise is by the texture of the zone, here with the pixels lost and there without.
+                // Selected inverses are exact: what is left is what is not done anew, and where nodes are held. The
+                // part of the gradient's noise is by the texture of the zone, here with the pixels lost
+                // and there without.
                 let [variance, of_mass, freedom] = differences(columns, regularisation);
                 let right = variance < 1e-3 && of_mass < 1e-2 && freedom < 1e-3;
                 assert!(right, "{regularisation:?}, {columns} columns: {variance}, {of_mass}, {freedom}");

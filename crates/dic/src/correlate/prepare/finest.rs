@@ -68,8 +68,8 @@ impl<'a> Seen<'a> {
         (block, support_of(self.pattern, &self.moments, node))
     }
 
-    /// Leaves out the elements of `nodes`: one of which a node is left out would be read at a guess there. Returns those that were not
-    /// left out before.
+    /// Leaves out the elements of `nodes`: one of which a node is left out would be read at a guess there. Returns
+    /// those that were not left out before.
     fn leave_out(&mut self, nodes: &[u32]) -> Vec<u32> {
         let mut left_out = self.pattern.elements_around(nodes);
         left_out.retain(|&element| self.active[element as usize]);
@@ -169,7 +169,8 @@ impl Round<'_> {
 /// Prepares the finest level: matrix, factor, uncertainty. Nodes without texture are refused, left out or held by
 /// the regularisation, until what remains is determined.
 ///
-/// That may take a dozen rounds, each of which leaves out a few nodes: what does not change with them is kept from one to the next.
+/// That may take a dozen rounds, each of which leaves out a few nodes: what does not change with them is kept from one
+/// to the next.
 pub(crate) fn finest_level<B: Backend>(
     backend: &B,
     frame: &mut B::Frame,
@@ -253,8 +254,8 @@ fn on_regular_mesh(mesh: &Mesh<Px>) -> Result<Subspace, CorrelationError> {
     })
 }
 
-/// Refuses nodes without texture that are more than their share of a zone, or on a border of which none may be left out.
-/// `dropped` went before, because of others; `found` would follow.
+/// Refuses nodes without texture that are more than their share of a zone, or on a border of which none may be left
+/// out. `dropped` went before, because of others; `found` would follow.
 fn refuse_left_out(
     mesh: &Mesh<Px>,
     dropped: &[TextureFault],

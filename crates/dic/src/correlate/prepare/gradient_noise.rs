@@ -12,8 +12,8 @@ use crate::units::Px;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Steps are made with at least this share of the normal matrix of every element in every direction, whatever noise is taken off: were the
-/// noise nothing but fine texture, they would be too long by 1/0.6 and converge all the same.
+/// Steps are made with at least this share of the normal matrix of every element in every direction, whatever noise is
+/// taken off: were the noise nothing but fine texture, they would be too long by 1/0.6 and converge all the same.
 pub(crate) const LEAST_SHARE_OF_STEPS: f64 = 0.6;
 /// The inverse variance of a node keeps at least this share of what the matrix with its noise gives: what is left is
 /// then little more than the scatter of the noise's own sums, and the standard uncertainty a lower bound.
@@ -64,14 +64,14 @@ fn element_matrix(moments: &ElementMoments, options: &KernelOptions) -> ElementM
     }
 }
 
-/// `sum psi_i psi_j` over the pixels of an element. Of one that is cut by the border of its zone only the number of pixels counts, as
-/// if they lay evenly.
+/// `sum psi_i psi_j` over the pixels of an element. Of one that is cut by the border of its zone only the number of
+/// pixels counts, as if they lay evenly.
 pub(crate) fn mass_matrix(mesh: &Mesh<Px>, element: usize, moments: &ElementMoments) -> ElementMatrix {
     alike(mean_products(mesh.corners(element)), moments.n)
 }
 
-/// What is taken off an element: `lambda`, or as much less, in steps of a quarter, as leaves [`LEAST_SHARE_OF_STEPS`] of
-/// its matrix in every direction. So `M0` is positive definite where `M` is.
+/// What is taken off an element: `lambda`, or as much less, in steps of a quarter, as leaves [`LEAST_SHARE_OF_STEPS`]
+/// of its matrix in every direction. So `M0` is positive definite where `M` is.
 fn noise_to_take_off(matrix: &ElementMatrix, mass: &ElementMatrix, lambda: f64) -> f64 {
     /// Steps down to what is not worth taking off: less than a fiftieth of it.
     const STEPS: i32 = 14;
@@ -217,7 +217,8 @@ mod tests {
 
     #[test]
     fn of_the_steps_that_leave_enough_of_a_matrix_the_first_is_taken() {
-        // The masses of a square element of 16 px, and a texture of stripes beside a weaker one across, the mean square of which falls.
+        // The masses of a square element of 16 px, and a texture of stripes beside a weaker one across, the mean square
+        // of which falls.
         const LINE: [[f64; 2]; 2] = [[2.0, 1.0], [1.0, 2.0]];
         let corner = [[0, 0], [1, 0], [1, 1], [0, 1]];
         let products: [[f64; 4]; 4] = std::array::from_fn(|i| {

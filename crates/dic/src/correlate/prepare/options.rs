@@ -19,11 +19,11 @@ pub struct Options {
     pub element_share: f64,
     /// Interpolation of the deformed image.
     pub interpolation: Interpolation,
-    /// Largest error of a node that the iteration may leave, as the corrections tell it, for a frame to count as converged, px (docs/correlation.md,
-    /// 2.2).
+    /// Largest error of a node that the iteration may leave, as the corrections tell it, for a frame to count as
+    /// converged, px (docs/correlation.md, 2.2).
     pub tolerance_px: f64,
-    /// The same as a share of the smallest standard uncertainty of a node: the larger of the two counts (THEORY 10); 0 for the
-    /// tolerance alone.
+    /// The same as a share of the smallest standard uncertainty of a node: the larger of the two counts (THEORY 10); 0
+    /// for the tolerance alone.
     pub tolerance_by_sigma: f64,
     /// Gauss-Newton iterations on the finest level after which a frame is given up.
     pub max_iterations: usize,

@@ -12,8 +12,8 @@ use crate::mesh::{Mesh, PixelSet};
 use crate::units::Px;
 use std::sync::Arc;
 
-/// A reference image prepared for correlation, but for what lies on the device: what [`crate::correlate::Correlator`] and
-/// [`crate::correlate::Correlate`] lead to.
+/// A reference image prepared for correlation, but for what lies on the device: what [`crate::correlate::Correlator`]
+/// and [`crate::correlate::Correlate`] lead to.
 pub struct Reference {
     pub(crate) device: String,
     pub(crate) frames_in_flight: usize,
@@ -99,23 +99,24 @@ impl Reference {
     }
 
     /// The normal matrices of the elements of the finest level, whose sum `M` gives the covariance `2 sigma^2 M^-1` of
-    /// every field; `None` with regularisation or splines, or with brightness for each element, where it is not of this form.
+    /// every field; `None` with regularisation or splines, or with brightness for each element, where it is not of this
+    /// form.
     pub fn normal_matrices(&self) -> Option<Vec<ElementMatrix>> {
         let plain = !self.options.is_held() && self.options.brightness != Brightness::Element;
         plain.then(|| self.moments.iter().map(|moments| moments.matrix()).collect())
     }
 
-    /// What noise in the reference adds to [`Reference::normal_matrices`], per element: `G n / k` with the noise gain G of
-    /// the gradient, the pixels n of the element and the k images whose mean the reference is; times the noise of one image
-    /// squared and [`crate::mesh::mean_products`] (THEORY 10).
+    /// What noise in the reference adds to [`Reference::normal_matrices`], per element: `G n / k` with the noise gain G
+    /// of the gradient, the pixels n of the element and the k images whose mean the reference is; times the noise
+    /// of one image squared and [`crate::mesh::mean_products`] (THEORY 10).
     pub fn gradient_noise(&self) -> Vec<f64> {
         let gain = self.options.interpolation.gradient_noise_gain() / self.options.n_references.max(1) as f64;
         self.moments.iter().map(|moments| gain * moments.n).collect()
     }
 
-    /// Error that is left below which a frame counts as converged, px: the tolerance of the options, or 1 % of the smallest
-    /// standard uncertainty of a node if that is more, for the noise that the reference seems to have (at most the stated
-    /// one; THEORY 10).
+    /// Error that is left below which a frame counts as converged, px: the tolerance of the options, or 1 % of the
+    /// smallest standard uncertainty of a node if that is more, for the noise that the reference seems to have (at
+    /// most the stated one; THEORY 10).
     pub fn tolerance_px(&self) -> f64 {
         self.tolerance_px
     }

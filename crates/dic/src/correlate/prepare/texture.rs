@@ -13,8 +13,8 @@ use rayon::prelude::*;
 /// of psi^2) sees about 2.8 times as many independent pixels, and the margin is five and a half standard
 /// deviations of their mean square.
 ///
-/// An assumed noise may be too small, so that half as much again is asked for; of a stated one it is enough that more is
-/// there than the noise can scatter by: that something is left of the matrix without its noise (THEORY 10).
+/// An assumed noise may be too small, so that half as much again is asked for; of a stated one it is enough that more
+/// is there than the noise can scatter by: that something is left of the matrix without its noise (THEORY 10).
 fn noise_margin(support: f64, is_stated: bool) -> f64 {
     let safety = if is_stated { 1.0 } else { 1.5 };
     safety + 4.8 / support.max(1.0).sqrt()
@@ -24,8 +24,8 @@ fn noise_margin(support: f64, is_stated: bool) -> f64 {
 /// those without any pixel (`support` zero) among them.
 ///
 /// The block is `sum psi^2 grad f grad f^T`; its smallest eigenvalue over `sum psi^2` is the mean square
-/// gradient in the weakest direction. White noise alone gives `noise^2` times the gain of the gradient: the `blocks`, as
-/// `[xx, xy, yy]`, are those with their noise.
+/// gradient in the weakest direction. White noise alone gives `noise^2` times the gain of the gradient: the `blocks`,
+/// as `[xx, xy, yy]`, are those with their noise.
 pub(crate) fn find_faults(
     mesh: &Mesh<Px>,
     blocks: &[[f64; 3]],
@@ -77,8 +77,8 @@ pub(crate) fn seen_by_nodes(blocks: &[[f64; 3]], support: &[f64]) -> Vec<SeenByN
 }
 
 impl SeenByNode {
-    /// Whether noise that adds `from_noise` is so large a part of it that corrections of the node fall slowly: from a share of a quarter in many
-    /// pixels on, and from a smaller one in few, of which the noise scatters.
+    /// Whether noise that adds `from_noise` is so large a part of it that corrections of the node fall slowly: from a
+    /// share of a quarter in many pixels on, and from a smaller one in few, of which the noise scatters.
     pub fn is_noisy(self, from_noise: f64) -> bool {
         self.weakest <= 2.0 * noise_margin(self.support, false) * from_noise
     }
@@ -90,9 +90,9 @@ impl SeenByNode {
     }
 }
 
-/// The nodes of `measured` that see nothing but noise, after the residual of a frame: the mean square of those of a node's
-/// elements, divided by `of_pair` (what noise of one grey level in one image gives, per zone), is the noise there. The quietest
-/// places of the reference, by which it was checked at first, may be the holes themselves.
+/// The nodes of `measured` that see nothing but noise, after the residual of a frame: the mean square of those of a
+/// node's elements, divided by `of_pair` (what noise of one grey level in one image gives, per zone), is the noise
+/// there. The quietest places of the reference, by which it was checked at first, may be the holes themselves.
 ///
 /// `gain` is what noise of variance one adds to the mean square of the reference's gradient.
 pub(crate) fn lost_in_noise(
@@ -121,8 +121,8 @@ pub(crate) fn lost_in_noise(
 /// A node less certain than this (px, standard uncertainty) is not measured but guessed.
 const LEAST_CERTAIN_PX: f64 = 0.5;
 
-/// The nodes that their neighbourhood does not determine, whose standard uncertainty would be `sigma_px`: texture confined to a spot gives every node
-/// around it a regular block, but not all of them together a displacement.
+/// The nodes that their neighbourhood does not determine, whose standard uncertainty would be `sigma_px`: texture
+/// confined to a spot gives every node around it a regular block, but not all of them together a displacement.
 pub(crate) fn find_undetermined(
     mesh: &Mesh<Px>,
     keep: &[bool],

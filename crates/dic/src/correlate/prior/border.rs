@@ -44,11 +44,11 @@ struct Beside {
     within: [f64; N_WITHIN],
 }
 
-/// The zones that border on a place without texture where they have no guard: along what is left of them without the nodes
-/// that are not in `keep`.
+/// The zones that border on a place without texture where they have no guard: along what is left of them without the
+/// nodes that are not in `keep`.
 ///
-/// Between sparse speckles there is room for a short bare strip. So strips of as many elements are compared as are never bare
-/// within the zone: those along the border, and the same moved inwards by up to 24 px.
+/// Between sparse speckles there is room for a short bare strip. So strips of as many elements are compared as are
+/// never bare within the zone: those along the border, and the same moved inwards by up to 24 px.
 pub(crate) fn bare_borders(
     reference: &Image,
     (mesh, pattern): (&Mesh<Px>, &Pattern),
@@ -90,7 +90,8 @@ fn sides(nodes: [u32; 4]) -> impl Iterator<Item = [u32; 2]> {
     (0..4).map(move |k| [nodes[k], nodes[(k + 1) % 4]]).filter(|[a, b]| a != b)
 }
 
-/// The edges of a zone's elements for which `counts` holds that belong to one of these alone, with the inside to their right, by element.
+/// The edges of a zone's elements for which `counts` holds that belong to one of these alone, with the inside to their
+/// right, by element.
 fn outline(
     (mesh, pattern): (&Mesh<Px>, &Pattern),
     zone: usize,
@@ -134,7 +135,8 @@ fn chains(edges: impl Iterator<Item = [u32; 2]>) -> Vec<Vec<[u32; 2]>> {
     chains
 }
 
-/// The edges beside which there is no texture. Where that `is_known` (the nodes there were left out for it), chance is not asked.
+/// The edges beside which there is no texture. Where that `is_known` (the nodes there were left out for it), chance is
+/// not asked.
 fn bare_edges(chains: &[Vec<[u32; 2]>], seen: &HashMap<[u32; 2], Beside>, is_known: bool) -> Vec<[u32; 2]> {
     let longest = chains.iter().map(Vec::len).max().unwrap_or(0);
     let mut n = LEAST_EDGES;
@@ -158,8 +160,8 @@ fn bare_edges(chains: &[Vec<[u32; 2]>], seen: &HashMap<[u32; 2], Beside>, is_kno
     Vec::new()
 }
 
-/// What is seen along the edge from `a` to `b`, which has the inside to its right (y down); `None` where rows beyond it lie
-/// outside the image, from where nothing is mixed in.
+/// What is seen along the edge from `a` to `b`, which has the inside to its right (y down); `None` where rows beyond it
+/// lie outside the image, from where nothing is mixed in.
 fn look_beside(image: &Image, a: [f64; 2], b: [f64; 2]) -> Option<Beside> {
     let way = [b[0] - a[0], b[1] - a[1]];
     let length = way[0].hypot(way[1]);

@@ -4,7 +4,8 @@ use crate::backend::ElementMatch;
 use crate::mesh::Mesh;
 use crate::units::Px;
 
-/// The displacement with that of nodes without elements that count as the field around them would have it, see [`fill_field`].
+/// The displacement with that of nodes without elements that count as the field around them would have it, see
+/// [`fill_field`].
 pub(crate) fn continue_field(mesh: &Mesh<Px>, displacement: &[[f64; 2]], elements: &[ElementMatch]) -> Vec<[f64; 2]> {
     let mut known = vec![false; mesh.n_nodes()];
     for (nodes, found) in mesh.elements().iter().zip(elements) {
@@ -13,8 +14,8 @@ pub(crate) fn continue_field(mesh: &Mesh<Px>, displacement: &[[f64; 2]], element
     fill_field(mesh, displacement, known)
 }
 
-/// The displacement with that of nodes where it is not `known` as the field around them would have it: the affine motion of the zone, and
-/// what is beyond it harmonic.
+/// The displacement with that of nodes where it is not `known` as the field around them would have it: the affine
+/// motion of the zone, and what is beyond it harmonic.
 pub(crate) fn fill_field(mesh: &Mesh<Px>, displacement: &[[f64; 2]], mut known: Vec<bool>) -> Vec<[f64; 2]> {
     let mut all = displacement.to_vec();
     for (known, u) in known.iter_mut().zip(&all) {

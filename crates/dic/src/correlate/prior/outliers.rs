@@ -16,9 +16,9 @@ pub(crate) fn replace_outliers(mesh: &Mesh<Px>, pattern: &Pattern, displacement:
     fill_field(mesh, displacement, known)
 }
 
-/// Which nodes the displacement of their neighbours speaks against, component by component: the median test (Westerweel and Scarano, Experiments in
-/// Fluids 39, 2005). What a node may be off the median of its neighbours is told by what these differ from theirs, since at a border all lie on
-/// one side of it.
+/// Which nodes the displacement of their neighbours speaks against, component by component: the median test (Westerweel
+/// and Scarano, Experiments in Fluids 39, 2005). What a node may be off the median of its neighbours is told by what
+/// these differ from theirs, since at a border all lie on one side of it.
 fn find_outliers(pattern: &Pattern, displacement: &[[f64; 2]]) -> Vec<bool> {
     let others =
         |node: usize| pattern.neighbours(node).iter().map(|&other| other as usize).filter(move |&other| other != node);

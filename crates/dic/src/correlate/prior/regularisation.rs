@@ -164,11 +164,12 @@ pub(crate) struct Penalty {
     reach_px: f64,
 }
 
-/// Rows of elements over which splines carry what happens at a node: with every knot, two elements, it falls to about a half.
+/// Rows of elements over which splines carry what happens at a node: with every knot, two elements, it falls to about a
+/// half.
 const SPLINES_REACH: usize = 12;
 
-/// In cut-off lengths: what happens at a node falls by `exp(-2 pi d / (sqrt(2) L))` over a distance d, and a variance by the
-/// square of that, 0.1 % here.
+/// In cut-off lengths: what happens at a node falls by `exp(-2 pi d / (sqrt(2) L))` over a distance d, and a variance
+/// by the square of that, 0.1 % here.
 const REACH: f64 = 0.75;
 
 /// What the penalty is scaled to: the normal matrix of the level.
@@ -201,7 +202,8 @@ impl Regulariser {
         Some(Self::Penalty(Penalty { matrix, order: Vec::new(), reach_px }))
     }
 
-    /// The same ready for factors, without which only a penalty that acts over a few elements can be solved with, in steps.
+    /// The same ready for factors, without which only a penalty that acts over a few elements can be solved with, in
+    /// steps.
     pub fn prepare_factor(mut self, mesh: &Mesh<Px>) -> Self {
         if let Self::Penalty(Penalty { matrix, order, .. }) = &mut self {
             *order = dissection(matrix.pattern(), mesh.nodes(), 0..mesh.n_nodes());
@@ -228,8 +230,8 @@ impl Regulariser {
         }
     }
 
-    /// Variances and degrees of freedom of the solution with the data's matrix at the nodes `redone`, as if all but the `free` ones, which
-    /// hold them, were held; both ascending.
+    /// Variances and degrees of freedom of the solution with the data's matrix at the nodes `redone`, as if all but the
+    /// `free` ones, which hold them, were held; both ascending.
     pub fn spread_of_part(
         &self,
         data: &BlockMatrix,
@@ -284,8 +286,8 @@ struct GaussPoint {
     gradient: [[f64; 2]; 4],
 }
 
-/// The points of the 2 x 2 Gauss rule; exact for what is integrated here on parallelograms. An element without area holds
-/// nothing.
+/// The points of the 2 x 2 Gauss rule; exact for what is integrated here on parallelograms. An element without area
+/// holds nothing.
 fn gauss_points(element: &ElementGeometry) -> impl Iterator<Item = GaussPoint> {
     GAUSS_POINTS.into_iter().filter_map(move |at| {
         let map = element.map_at(at);
@@ -459,8 +461,8 @@ struct Flatness {
 const STRAIGHT: f64 = 1e-6;
 
 /// Compares a border node with the plane through `sides`, its neighbours along the border, and where these are not
-/// in line with it that one of `others` that `may` serve and puts it nearest to their middle. On a straight border with distances
-/// p and q this is `u'' = 2 (q u_before + p u_after - (p + q) u) / (p q (p + q))`.
+/// in line with it that one of `others` that `may` serve and puts it nearest to their middle. On a straight border with
+/// distances p and q this is `u'' = 2 (q u_before + p u_after - (p + q) u) / (p q (p + q))`.
 fn flatness(
     mesh: &Mesh<Px>,
     node: u32,

@@ -83,8 +83,8 @@ pub struct Correlation {
     /// Elements whose correlation coefficient is below 1/2: their pixels do not match (a crack, a glare,
     /// a shadow, or a false match).
     pub poor_elements: usize,
-    /// What the residual says of the colour of the noise; `None` unless the frame converged, it was to be looked for, and
-    /// enough whole elements are there.
+    /// What the residual says of the colour of the noise; `None` unless the frame converged, it was to be looked for,
+    /// and enough whole elements are there.
     pub noise_colour: Option<NoiseColour>,
     /// What standard uncertainties were multiplied by, x and y, because noise is correlated from pixel to pixel.
     pub noise_factor: [f64; 2],
@@ -98,7 +98,8 @@ pub struct Correlation {
     /// Number of the frame whose image was the reference; 0 for the reference that was given. Residuals and
     /// correlation coefficients are those against this image.
     pub reference_frame: usize,
-    /// How far the field is from the one that the CPU finds from there on, px; `None` of a frame that was not looked at.
+    /// How far the field is from the one that the CPU finds from there on, px; `None` of a frame that was not looked
+    /// at.
     pub device_checked_px: Option<f64>,
     /// Displacement of all nodes, those not measured included: the start of the next frame.
     pub(crate) full_displacement: Vec<[f64; 2]>,
@@ -125,9 +126,10 @@ impl Correlation {
         })
     }
 
-    /// How far the field is from that of `other`, px, and how far it may be, at the node of those that both measured where the former is most of the
-    /// latter: `allowed_px`; and a standard uncertainty more where the iteration was so long that nodes in noise may have been taken as they were, with
-    /// as much still before them. Where they left out different elements, whose neighbours then differ too, nine tenths of the nodes have less.
+    /// How far the field is from that of `other`, px, and how far it may be, at the node of those that both measured
+    /// where the former is most of the latter: `allowed_px`; and a standard uncertainty more where the iteration
+    /// was so long that nodes in noise may have been taken as they were, with as much still before them. Where they
+    /// left out different elements, whose neighbours then differ too, nine tenths of the nodes have less.
     pub fn apart_from(&self, other: &Self, allowed_px: f64) -> [f64; 2] {
         let (here, there) = (&self.measurement, &other.measurement);
         let is_long = self.iterations.max(other.iterations) >= SLOW[0];

@@ -15,12 +15,14 @@ struct With<'a> {
 }
 
 impl<'a> Overlap<'a> {
-    /// What one frame after the other has to do, its iterations, is done on the threads of `pool`. All else, the uncertainty and the
-    /// marks of a frame that is predicted well, is done where the caller is, while the next frame begins: on the same threads where they
-    /// compute all the time, beside them where they wait for a graphics device.
+    /// What one frame after the other has to do, its iterations, is done on the threads of `pool`. All else, the
+    /// uncertainty and the marks of a frame that is predicted well, is done where the caller is, while the next
+    /// frame begins: on the same threads where they compute all the time, beside them where they wait for a
+    /// graphics device.
     ///
-    /// `settled` is called with the field as soon as the device has done its part, so that the next frame may begin; not where it is not
-    /// sure yet what becomes of a field. It remains a forecast: in rare cases what comes out is another field, or none.
+    /// `settled` is called with the field as soon as the device has done its part, so that the next frame may begin;
+    /// not where it is not sure yet what becomes of a field. It remains a forecast: in rare cases what comes out is
+    /// another field, or none.
     pub fn new(pool: &'a ThreadPool, settled: &'a mut (dyn FnMut(Start) + Send)) -> Self {
         Self { with: Some(With { pool, settled }) }
     }

@@ -16,8 +16,8 @@ pub(crate) struct Iterated<B: Backend> {
 }
 
 impl<B: Backend> Iterated<B> {
-    /// Where the next frame of a series may begin, if this field is confirmed. None where it has not converged, or is in a light of
-    /// its own.
+    /// Where the next frame of a series may begin, if this field is confirmed. None where it has not converged, or is
+    /// in a light of its own.
     pub fn start(&self) -> Option<Start> {
         let is_field = self.outcome.status == Status::Converged && self.light.is_none();
         let Found { displacement, transfer, .. } = &self.found;

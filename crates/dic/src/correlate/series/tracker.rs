@@ -15,15 +15,16 @@ use std::sync::Arc;
 #[derive(Debug, Clone, PartialEq)]
 pub struct History {
     start: StartFrom,
-    /// Fields, the latest first, with their frame numbers; shared between what is known after one frame and after the next.
+    /// Fields, the latest first, with their frame numbers; shared between what is known after one frame and after the
+    /// next.
     fields: Vec<(usize, Arc<Vec<[f64; 2]>>)>,
     transfer: Vec<GreyTransfer>,
     /// The elements that the latest was found without.
     left_out: Vec<u32>,
 }
 
-/// Every so many frames one begins with all elements again: those that are left out come back where they match at the place where the field
-/// around them puts them, and this place may be too far off.
+/// Every so many frames one begins with all elements again: those that are left out come back where they match at the
+/// place where the field around them puts them, and this place may be too far off.
 const WITH_ALL: usize = 10;
 
 impl History {
@@ -46,10 +47,11 @@ impl History {
         &self.fields
     }
 
-    /// What the fields of the last two converged frames say of frame `number`, or that of the last one. `mesh` is that of the fields.
+    /// What the fields of the last two converged frames say of frame `number`, or that of the last one. `mesh` is that
+    /// of the fields.
     ///
-    /// Each zone goes on to turn as a whole, and all else is extrapolated linearly: a rotation by w that went on along straight lines would
-    /// put points at the distance r off by w^2 r.
+    /// Each zone goes on to turn as a whole, and all else is extrapolated linearly: a rotation by w that went on along
+    /// straight lines would put points at the distance r off by w^2 r.
     pub fn predict(&self, number: usize, mesh: &Mesh<Px>) -> Option<Start> {
         if self.start == StartFrom::Independent {
             return None;
@@ -67,7 +69,8 @@ impl History {
                 let turn = RigidMotion { translation: [0.0; 2], rotation_rad: ahead * motion.rotation_rad, ..motion };
                 let (rigid_at, turned_at) = (motion.field(), turn.field());
                 for (displacement, (x, step)) in displacement[nodes].iter_mut().zip(steps) {
-                    // From the middle of the zone after the step: where the point is, and what of its step is no rigid motion.
+                    // From the middle of the zone after the step: where the point is, and what of its step is no rigid
+                    // motion.
                     let rigid = rigid_at(x);
                     let rest = [0, 1].map(|k| step[k] - rigid[k]);
                     let place = [0, 1].map(|k| x[k] + step[k] - motion.translation[k] + ahead * rest[k]);

@@ -23,7 +23,8 @@ pub(crate) struct Limits<'a> {
     pub turn: Turn,
     /// Whether fields of light follow the displacement one iteration late.
     pub late_light: bool,
-    /// First corrections of more than this, px, at more than the share `few_far` of a zone's nodes end it: the start is to be looked for elsewhere.
+    /// First corrections of more than this, px, at more than the share `few_far` of a zone's nodes end it: the start
+    /// is to be looked for elsewhere.
     pub near_px: f64,
     pub few_far: f64,
     /// Whether the frame needs a solver of its own even where it has lost no pixels.
@@ -39,7 +40,8 @@ pub(crate) struct Limits<'a> {
 pub(crate) struct Enough {
     /// A tenth of its standard uncertainty, px.
     pub px: f64,
-    /// Whether noise is so large a part of its texture, or leaves it so uncertain, that its corrections may fall slowly for that.
+    /// Whether noise is so large a part of its texture, or leaves it so uncertain, that its corrections may fall
+    /// slowly for that.
     pub is_noisy: bool,
 }
 
@@ -87,10 +89,11 @@ impl Turn {
     }
 }
 
-/// Where noise may be the reason, corrections count as slow from the first iteration on, from the second on more may be left of them, and from each
-/// on more nodes that have not settled are not waited for.
+/// Where noise may be the reason, corrections count as slow from the first iteration on, from the second on more may be
+/// left of them, and from each on more nodes that have not settled are not waited for.
 pub(crate) const SLOW: [usize; 3] = [7, 12, 20];
-/// What may be left of them before and after that, in parts of what is good enough; of nodes that are not noisy the first.
+/// What may be left of them before and after that, in parts of what is good enough; of nodes that are not noisy the
+/// first.
 const LEFT: [f64; 2] = [3.0, 10.0];
 
 /// Of more nodes than this share none is given up,
@@ -98,8 +101,8 @@ const FEW_UNSETTLED: f64 = 0.05;
 /// nor of more than these before the second of [`SLOW`] and the third: one of 100 000, and of 10 000.
 const HANDFUL_UNSETTLED: [f64; 2] = [1e-5, 1e-4];
 
-/// At most so many steps along mesh lines away others follow a node that does not settle, each by a third of the one before or less: as many as
-/// that makes more of what is enough.
+/// At most so many steps along mesh lines away others follow a node that does not settle, each by a third of the one
+/// before or less: as many as that makes more of what is enough.
 const PULLED_ALONG: [usize; 2] = [2, 6];
 const PULLED_SHARE: f64 = 1.0 / 3.0;
 
@@ -132,15 +135,16 @@ pub(crate) struct Outcome<B: Backend> {
     pub turn: Turn,
 }
 
-/// A first correction of more than this, px, comes from a start that is too rough for what the frame has lost to be known: full steps
-/// beside the border would overshoot, and elements be lost that have most of their pixels.
+/// A first correction of more than this, px, comes from a start that is too rough for what the frame has lost to be
+/// known: full steps beside the border would overshoot, and elements be lost that have most of their pixels.
 const ROUGH_PX: f64 = 0.25;
-/// The frame's own matrix is renewed when elements have been left out or have come back, and when corrections fall by less
-/// than this while the pixels counted have changed by this share of an element.
+/// The frame's own matrix is renewed when elements have been left out or have come back, and when corrections fall by
+/// less than this while the pixels counted have changed by this share of an element.
 const SLOW_RATE: f64 = 0.25;
 const RENEW_SHARE: f64 = 0.02;
 /// From this iteration on, an iteration ends whose corrections have fallen too slowly to reach the tolerance within the
-/// limit this many times in a row, or are not halved often enough: long enough for the half step of an overshoot to have its effect.
+/// limit this many times in a row, or are not halved often enough: long enough for the half step of an overshoot to
+/// have its effect.
 pub(crate) const TOO_SLOW: [usize; 2] = [12, 8];
 /// [`Limits::wild_elements`] of what nothing but the images holds.
 pub(crate) const WILD_ELEMENTS: f64 = 8.0;
@@ -166,9 +170,9 @@ impl Watch {
         self.displacement = displacement;
     }
 
-    /// Sets the nodes apart that noise keeps from settling, if they are few: whose correction is more than what is enough there, or that have
-    /// more than `may_be_left` times that still before them; and those beside them that they pull along. `None` where another node has not
-    /// settled, or the last two corrections are not known yet.
+    /// Sets the nodes apart that noise keeps from settling, if they are few: whose correction is more than what is
+    /// enough there, or that have more than `may_be_left` times that still before them; and those beside them that
+    /// they pull along. `None` where another node has not settled, or the last two corrections are not known yet.
     fn set_unsettled_apart(
         &self,
         pattern: &Pattern,
@@ -233,14 +237,15 @@ pub(crate) fn nothing<A, B>(_: &mut A, _: &mut B) -> Result<(), BackendError> {
     Ok(())
 }
 
-/// The last correction may be this many tolerances, but not so many px unless the tolerance is, if those that it would be followed by add up
-/// to less than one. The residual, which belongs to the field before it, is then still that of the result: it differs by the square of the correction.
+/// The last correction may be this many tolerances, but not so many px unless the tolerance is, if those that it would
+/// be followed by add up to less than one. The residual, which belongs to the field before it, is then still that of
+/// the result: it differs by the square of the correction.
 const LAST: f64 = 10.0;
 const LAST_PX: f64 = 0.01;
 /// Corrections below this, px, may be round-off, whose rate means nothing: the smallest elements under noise reach it.
 const ROUND_OFF_PX: f64 = 5e-6;
-/// So may those below this part of what is good enough at their node, a thousandth of its standard uncertainty, where it is poorly determined: did they
-/// fall by a hundredth only, a tenth of it would be left.
+/// So may those below this part of what is good enough at their node, a thousandth of its standard uncertainty, where
+/// it is poorly determined: did they fall by a hundredth only, a tenth of it would be left.
 const ROUND_OFF_SHARE: f64 = 0.01;
 
 /// Whether the first step has moved more than a few nodes of a zone by as much that the start was far off.
@@ -263,8 +268,9 @@ fn is_far<B: Backend>(
     Ok((0..level.mesh.zones().len()).any(is_far))
 }
 
-/// The steps that a device may make after that of `iteration` before the host has seen it: as long as what the host would look at leaves it no
-/// choice. A frame with a solver of its own was so when that was `made`: pixels counted and elements lost.
+/// The steps that a device may make after that of `iteration` before the host has seen it: as long as what the host
+/// would look at leaves it no choice. A frame with a solver of its own was so when that was `made`: pixels counted and
+/// elements lost.
 fn steps_ahead(iteration: usize, limits: &Limits<'_>, made: Option<(f64, usize)>, size: f64) -> Ahead {
     let of_own = limits.own && made.is_none();
     let steps = Pace::SAME.min(limits.max_iterations).saturating_sub(iteration);
@@ -406,7 +412,8 @@ mod tests {
         Pattern::new(n_nodes, &elements)
     }
 
-    /// What a watch says of nodes with these two corrections along x, px, made by steps of these factors, where `may_be_left`.
+    /// What a watch says of nodes with these two corrections along x, px, made by steps of these factors, where
+    /// `may_be_left`.
     fn told_by(
         corrections: &[[f64; 2]],
         enough: &[Enough],

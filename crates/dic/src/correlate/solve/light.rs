@@ -2,9 +2,9 @@
 //! between them, fitted to the sums of the elements (docs/correlation.md, section 2.4).
 //!
 //! With `H = gain g + offset` the deformed image as it is brought to the reference so far and `m = (f + H) / 2`, the
-//! residual is `f - H = gamma m + delta` wherever the light has changed. An element knows of it by the sums of `r = f - H`
-//! and of `r m = (f^2 - H^2) / 2`. Noise of f and of H enters the latter with opposite signs: neither noise nor misfit,
-//! which lower the correlation of f and H, pass for a loss of contrast.
+//! residual is `f - H = gamma m + delta` wherever the light has changed. An element knows of it by the sums of `r = f -
+//! H` and of `r m = (f^2 - H^2) / 2`. Noise of f and of H enters the latter with opposite signs: neither noise nor
+//! misfit, which lower the correlation of f and H, pass for a loss of contrast.
 
 use crate::backend::{ElementMatch, ElementMoments, GreyTransfer, PixelSums};
 use crate::linalg::{BlockJacobi, BlockMatrix, ElementMatrix, Pattern};
@@ -22,8 +22,8 @@ pub struct SmoothLight {
     pub gain: [f64; 2],
     /// Smallest and largest offset there, grey levels in the images' own scale.
     pub offset: [f64; 2],
-    /// Whether it did not come to rest with the displacement: it stayed as it was after some iterations, and what it does not know is missing in the
-    /// uncertainty of the displacement.
+    /// Whether it did not come to rest with the displacement: it stayed as it was after some iterations, and what it
+    /// does not know is missing in the uncertainty of the displacement.
     pub unsettled: bool,
 }
 
@@ -399,8 +399,8 @@ impl Seen<'_> {
 }
 
 impl Light {
-    /// The light that the elements ask for; `None` when the transfers of the zones are enough, which with `always` is so
-    /// only where no element matches.
+    /// The light that the elements ask for; `None` when the transfers of the zones are enough, which with `always` is
+    /// so only where no element matches.
     pub fn find(seen: &Seen<'_>, always: bool) -> Option<Self> {
         let n_zones = seen.mesh.zones().len();
         let nodes = vec![GreyTransfer::NONE; seen.mesh.n_nodes()];

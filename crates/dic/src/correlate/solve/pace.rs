@@ -1,23 +1,26 @@
-//! How corrections fall from iteration to iteration: what is still to come of them, and how long the next step is to be.
+//! How corrections fall from iteration to iteration: what is still to come of them, and how long the next step is to
+//! be.
 
 /// The iteration is never taken to converge faster than this, for the estimate of what is still to come.
 const FASTEST: f64 = 0.1;
 /// A correction that falls by less than this has stalled.
 const STALLED: f64 = 0.8;
-/// Corrections that fall by a rate between these, twice the same as far as it matters, fall slowly and evenly: one mode is left.
+/// Corrections that fall by a rate between these, twice the same as far as it matters, fall slowly and evenly: one mode
+/// is left.
 const SLOW: [f64; 2] = [0.5, 0.97];
 /// Two rates are the same when they differ by less than this share of what they are below 1.
 const EVEN: f64 = 0.1;
 /// No step that is longer than its correction moves a node by more than this, px.
 const LONGEST_PX: f64 = 0.25;
-/// Corrections that have not been halved in so many iterations fall slowly, or not at all: nodes wander where the images have nothing in common.
+/// Corrections that have not been halved in so many iterations fall slowly, or not at all: nodes wander where the
+/// images have nothing in common.
 const UNHALVED: usize = 8;
 
 /// What is amiss with the steps where corrections fall slowly and evenly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Steps {
-    /// They overshoot: nodes that see more contrast in the deformed image than in the reference, whose matrix is too soft for it. Taken for
-    /// granted at first, since a shorter step does no harm.
+    /// They overshoot: nodes that see more contrast in the deformed image than in the reference, whose matrix is too
+    /// soft for it. Taken for granted at first, since a shorter step does no harm.
     TooLong,
     /// They fall short: nodes at which the two images have little texture in common, so that the matrix is too stiff.
     TooShort,
@@ -67,7 +70,8 @@ impl Default for Pace {
 }
 
 impl Pace {
-    /// So many steps have the same length, whatever the corrections: two of these have to fall alike before one is another.
+    /// So many steps have the same length, whatever the corrections: two of these have to fall alike before one is
+    /// another.
     pub const SAME: usize = 3;
 
     /// What the next correction is multiplied by.
@@ -82,10 +86,11 @@ impl Pace {
 
     /// What the corrections still to come add up to, after `correction`.
     ///
-    /// Where light follows the displacement one iteration late, corrections fall unevenly: what repeats is two of them together, by the rate
-    /// `q = c(k) / c(k-2)`, and what is still to come is `(c(k-1) + c(k)) q / (1 - q)`; of corrections that fall evenly that is the sum of their
-    /// geometric series. Where light is solved with the displacement they fall evenly (`is_even`), and the second correction tells the rate. As
-    /// both may fall fast by chance, none is taken below [`FASTEST`]; nor below a rate of which another step has hidden what is left.
+    /// Where light follows the displacement one iteration late, corrections fall unevenly: what repeats is two of them
+    /// together, by the rate `q = c(k) / c(k-2)`, and what is still to come is `(c(k-1) + c(k)) q / (1 - q)`; of
+    /// corrections that fall evenly that is the sum of their geometric series. Where light is solved with the
+    /// displacement they fall evenly (`is_even`), and the second correction tells the rate. As both may fall fast
+    /// by chance, none is taken below [`FASTEST`]; nor below a rate of which another step has hidden what is left.
     pub fn left(&self, correction: f64, is_even: bool) -> f64 {
         let [last, one_before] = self.before;
         let series = |rate: f64| rate / (1.0 - rate);
@@ -104,14 +109,15 @@ impl Pace {
         iterations_left(correction, self.before[1], target)
     }
 
-    /// Whether corrections are halved too seldom to fall to `target` within `iterations`: told by the last that was half of those before it, which ups and
-    /// downs and steps of another length do not hide.
+    /// Whether corrections are halved too seldom to fall to `target` within `iterations`: told by the last that was
+    /// half of those before it, which ups and downs and steps of another length do not hide.
     pub fn is_halved_too_seldom(&self, target: f64, iterations: usize) -> bool {
         let (correction, since) = self.halved;
         since >= UNHALVED && (0.5 * correction / target).log2() * since as f64 > iterations as f64
     }
 
-    /// Takes notice of the `correction` that was made, and says how long the next step is; `anew` where what it was found with has changed.
+    /// Takes notice of the `correction` that was made, and says how long the next step is; `anew` where what it was
+    /// found with has changed.
     pub fn note(&mut self, correction: f64, anew: bool) {
         let made = std::mem::replace(&mut self.factor, 1.0);
         let ratio = correction / self.before[0];
@@ -154,15 +160,16 @@ impl Pace {
             self.changed = Some(Changed { rate: ratio, expected });
             self.least_rate = if grows { self.least_rate } else { self.least_rate.max(ratio) };
         } else if self.stalls == 3 {
-            // What comes back with the other sign each time, nearly as large, is an overshoot somewhere: one half step settles it. More of
-            // them would only slow down what approaches from one side.
+            // What comes back with the other sign each time, nearly as large, is an overshoot somewhere: one half step
+            // settles it. More of them would only slow down what approaches from one side.
             self.factor = 0.5;
             self.changed = Some(Changed { rate: ratio, expected: f64::INFINITY });
         }
     }
 }
 
-/// Iterations until a correction that was `earlier` two iterations ago has fallen to `target`; infinite if it does not fall.
+/// Iterations until a correction that was `earlier` two iterations ago has fallen to `target`; infinite if it does not
+/// fall.
 fn iterations_left(correction: f64, earlier: f64, target: f64) -> f64 {
     if correction <= target {
         return 0.0;
@@ -174,8 +181,8 @@ fn iterations_left(correction: f64, earlier: f64, target: f64) -> f64 {
 mod tests {
     use super::{Pace, Steps, iterations_left};
 
-    /// The corrections of a field of modes that fall by these rates, the error left, and how many steps were made, until the error left is
-    /// said to be below the tolerance.
+    /// The corrections of a field of modes that fall by these rates, the error left, and how many steps were made,
+    /// until the error left is said to be below the tolerance.
     fn run(modes: &[(f64, f64)], tolerance: f64) -> (usize, f64) {
         let mut errors: Vec<f64> = modes.iter().map(|mode| mode.0).collect();
         let mut pace = Pace::default();
@@ -251,15 +258,17 @@ mod tests {
         // By 7 % each time a hundredth is not reached in 50 iterations, but in 100.
         let slow = |k: i32| 1e-2 * 0.93f64.powi(k);
         assert_eq!((ends(&slow, 50), ends(&slow, 100)), (Some(8), None));
-        // Every second one larger than the one before, by the same rate; and by a tenth each time, which halves them in seven.
+        // Every second one larger than the one before, by the same rate; and by a tenth each time, which halves them in
+        // seven.
         assert_eq!(ends(&|k| slow(k) * [1.0, 1.3][k as usize % 2], 50), Some(8));
         assert_eq!(ends(&|k| 40.0 * 0.9f64.powi(k), 50), None);
     }
 
     #[test]
     fn a_slow_mode_is_ended_by_one_step_and_the_error_left_is_below_the_tolerance() {
-        // The rate of an open hole under load (-0.74), with modes that fall fast, and others: of either sign, and two at once. With steps as they
-        // are the tolerance takes ln(1e-4) / ln(rate) iterations: 31 at 0.74, 57 at 0.85.
+        // The rate of an open hole under load (-0.74), with modes that fall fast, and others: of either sign, and two
+        // at once. With steps as they are the tolerance takes ln(1e-4) / ln(rate) iterations: 31 at 0.74, 57 at
+        // 0.85.
         for (slow, most) in [
             (-0.6, 8),
             (-0.74, 9),

@@ -35,7 +35,8 @@ impl<B: Backend> Correlator<B> {
         if let Some(periods) = self.periods.get() {
             return periods;
         }
-        // Made first and kept then: whoever waits for parts of it may take up another frame, which must not wait for this one.
+        // Made first and kept then: whoever waits for parts of it may take up another frame, which must not wait for
+        // this one.
         let of_zone = |pixels: &PixelSet| periods(&self.image, pixels);
         let periods: Vec<_> = self.zone_pixels.iter().map(of_zone).collect();
         self.periods.get_or_init(|| periods)
@@ -46,8 +47,8 @@ impl<B: Backend> Correlator<B> {
         self.periods.get_or_init(|| vec![Vec::new(); self.zone_pixels.len()]);
     }
 
-    /// What a correlation found, brought to the nearest to what was expected (rest unless said) of all displacements that
-    /// match as well, where the texture repeats; and what is to be said of that.
+    /// What a correlation found, brought to the nearest to what was expected (rest unless said) of all displacements
+    /// that match as well, where the texture repeats; and what is to be said of that.
     pub(crate) fn resolve_periods(
         &self,
         frame: &mut B::Frame,
@@ -125,8 +126,8 @@ impl<B: Backend> Correlator<B> {
         Ok(besides)
     }
 
-    /// The displacement with zones moved by a period where that matches as well or better and is nearer to what was expected;
-    /// `None` when no zone has such.
+    /// The displacement with zones moved by a period where that matches as well or better and is nearer to what was
+    /// expected; `None` when no zone has such.
     fn move_by_periods(
         &self,
         found: &Correlation,

@@ -41,8 +41,8 @@ impl Default for Tried {
 }
 
 impl<B: Backend> Correlator<B> {
-    /// Finds each zone on the coarsest level and iterates down the pyramid: near where it was, and in the whole image when
-    /// it is not there, or when that does not end well.
+    /// Finds each zone on the coarsest level and iterates down the pyramid: near where it was, and in the whole image
+    /// when it is not there, or when that does not end well.
     ///
     /// What does not converge even so is tried once more from there, smoothly and without what does not match.
     pub(crate) fn search(&self, frame: &mut B::Frame) -> Result<Correlation, CorrelationError> {
@@ -118,8 +118,8 @@ impl<B: Backend> Correlator<B> {
         (0..self.zone_pixels.len()).map(of_zone).collect()
     }
 
-    /// Tries the motions on the coarsest level, each zone its own next one in each round, until all zones are found. What
-    /// matches best stays in `best`.
+    /// Tries the motions on the coarsest level, each zone its own next one in each round, until all zones are found.
+    /// What matches best stays in `best`.
     fn try_motions(
         &self,
         frame: &mut B::Frame,
@@ -151,7 +151,8 @@ impl<B: Backend> Correlator<B> {
         Ok(())
     }
 
-    /// Iterates down the pyramid from the motion of each zone, `smoothly` as long as it is not known what does not match.
+    /// Iterates down the pyramid from the motion of each zone, `smoothly` as long as it is not known what does not
+    /// match.
     fn begin_from(
         &self,
         frame: &mut B::Frame,

@@ -38,8 +38,8 @@ pub struct Ambiguity {
     pub correlation_beside: f64,
     /// Mean distance of the displacement from the one that was expected, px.
     pub from_expected_px: f64,
-    /// Whether that is less than a third of the period: of all displacements that match, it is clearly the nearest to what
-    /// was expected.
+    /// Whether that is less than a third of the period: of all displacements that match, it is clearly the nearest to
+    /// what was expected.
     pub confirmed: bool,
     /// Whether the frames before were what it was expected from; rest else.
     pub from_series: bool,
@@ -65,8 +65,8 @@ impl fmt::Display for Ambiguity {
     }
 }
 
-/// The shifts, px, at which a zone of the reference looks like itself: the shortest, and the shortest in another direction;
-/// none of a texture that does not repeat. What they mean for a frame the correlation has to say.
+/// The shifts, px, at which a zone of the reference looks like itself: the shortest, and the shortest in another
+/// direction; none of a texture that does not repeat. What they mean for a frame the correlation has to say.
 pub(crate) fn periods(image: &Image, zone: &PixelSet) -> Vec<[f64; 2]> {
     let Some([x0, y0, x1, y1]) = zone.bounds() else { return Vec::new() };
     let longest = (x1 - x0).max(y1 - y0);

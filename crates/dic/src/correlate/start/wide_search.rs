@@ -1,5 +1,5 @@
-//! Where a zone is when it is not near where it was: the motions that points which look alike agree on, whatever the shift
-//! and the rotation.
+//! Where a zone is when it is not near where it was: the motions that points which look alike agree on, whatever the
+//! shift and the rotation.
 
 use crate::correlate::start::features::{Features, Pair};
 use crate::correlate::start::search::{Match, Motion, fit};

@@ -1,4 +1,5 @@
-//! A prediction that is far off is moved first, each zone as a whole: rigidly, then with the strain that all of it has in common.
+//! A prediction that is far off is moved first, each zone as a whole: rigidly, then with the strain that all of it has
+//! in common.
 
 use crate::backend::{Backend, GreyTransfer};
 use crate::correlate::correlator::Correlator;
@@ -25,9 +26,10 @@ struct Best {
 }
 
 impl<B: Backend> Correlator<B> {
-    /// `displacement` of the nodes of the finest level after the motion of each zone with which it matches best on the coarsest: Gauss-Newton
-    /// steps with three unknowns per zone, translation and rotation, and then with six, which are those of an affine motion. A zone as a whole is
-    /// found from farther off than its nodes are, of which those at a corner may lie on other speckles when it has turned or stretched.
+    /// `displacement` of the nodes of the finest level after the motion of each zone with which it matches best on the
+    /// coarsest: Gauss-Newton steps with three unknowns per zone, translation and rotation, and then with six,
+    /// which are those of an affine motion. A zone as a whole is found from farther off than its nodes are, of
+    /// which those at a corner may lie on other speckles when it has turned or stretched.
     pub(crate) fn move_by_zone(
         &self,
         frame: &mut B::Frame,
@@ -105,7 +107,8 @@ fn rigid() -> SMatrix<f64, 3, N_MOTIONS> {
     rigid
 }
 
-/// A unit of each motion, a translation along each axis and the gradients `du_x/dx`, `du_x/dy`, `du_y/dx`, `du_y/dy`, at `d` from the centre.
+/// A unit of each motion, a translation along each axis and the gradients `du_x/dx`, `du_x/dy`, `du_y/dx`, `du_y/dy`,
+/// at `d` from the centre.
 fn units([x, y]: [f64; 2]) -> [[f64; 2]; N_MOTIONS] {
     [[1.0, 0.0], [0.0, 1.0], [x, 0.0], [y, 0.0], [0.0, x], [0.0, y]]
 }

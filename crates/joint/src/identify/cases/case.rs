@@ -86,7 +86,8 @@ impl<'a> Case<'a> {
         made.map(Some).map_err(|error| error.in_case(&input.case.text))
     }
 
-    /// Whether the laws, materials and parameters of a case are some that there are: what can be told before anything is measured.
+    /// Whether the laws, materials and parameters of a case are some that there are: what can be told before anything
+    /// is measured.
     ///
     /// # Errors
     /// See [`FitError`].

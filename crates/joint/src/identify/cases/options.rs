@@ -32,17 +32,18 @@ pub struct FitOptions {
     pub discretisation: Discretisation,
     /// Which intervals are wanted.
     pub intervals: Intervals,
-    /// Draws of the bootstrap that goes with intervals of the profile likelihood; 0 for none, `None` for as many as are good.
+    /// Draws of the bootstrap that goes with intervals of the profile likelihood; 0 for none, `None` for as many as
+    /// are good.
     pub bootstrap: Option<usize>,
-    /// Whether the result is doubted: tested for misfit, and prescribed parameters tried as unknowns. Fits that are parts of
-    /// something larger (rows of a sweep, draws) do without.
+    /// Whether the result is doubted: tested for misfit, and prescribed parameters tried as unknowns. Fits that are
+    /// parts of something larger (rows of a sweep, draws) do without.
     pub doubt: bool,
-    /// Whether prescribed parameters are tried as unknowns, where the result is doubted. A comparison of laws does without: it is a
-    /// comparison of models by itself.
+    /// Whether prescribed parameters are tried as unknowns, where the result is doubted. A comparison of laws does
+    /// without: it is a comparison of models by itself.
     pub release: bool,
     /// Whether other minima are looked for, where the result is doubted, of a law that
-    /// [has some](crate::mechanics::cohesive::CohesiveLaw::has_own_minima): a lower one is gone on from, and intervals hold what the
-    /// objective allows about all of them. A comparison of laws does that by itself.
+    /// [has some](crate::mechanics::cohesive::CohesiveLaw::has_own_minima): a lower one is gone on from, and intervals
+    /// hold what the objective allows about all of them. A comparison of laws does that by itself.
     pub other_minima: bool,
     /// What becomes of rotations that are taken as small, where the result is doubted.
     pub rotations: RotationCheck,

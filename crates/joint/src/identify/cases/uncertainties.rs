@@ -76,8 +76,8 @@ fn exact_of(section: &'static str, given: Option<&CaseExact>, known: &[&str]) ->
     Ok(exact)
 }
 
-/// What the case says of rotations that are taken as small. That all constants are exact is not that rotations are small: their cost
-/// is told, but does not decide.
+/// What the case says of rotations that are taken as small. That all constants are exact is not that rotations are
+/// small: their cost is told, but does not decide.
 pub(crate) fn rotations(fit: &CaseFit) -> RotationCheck {
     match &fit.exact {
         Some(CaseExact::Names(names)) if names.iter().any(|name| name == ROTATIONS) => RotationCheck::Off,
@@ -121,7 +121,8 @@ fn choose(
     }
 }
 
-/// The constants of a case, each with what the case states of it, or the default; what is stated and not used is named in `found`.
+/// The constants of a case, each with what the case states of it, or the default; what is stated and not used is named
+/// in `found`.
 pub(crate) fn constants(
     joint: &Joint,
     input: &JointInput,

@@ -54,8 +54,8 @@ fn free_of(scale: &[f64], m: &Dense) -> Dense {
     Dense::from_fn(n, n, entry)
 }
 
-/// The inverse of the normal matrix `h` in the directions that it tells something of, and their number; `None` when it holds a number
-/// that is not finite.
+/// The inverse of the normal matrix `h` in the directions that it tells something of, and their number; `None` when it
+/// holds a number that is not finite.
 pub(super) fn pseudo_inverse(h: &Dense) -> Option<(Dense, usize)> {
     let told = Told::new(h)?;
     let (inverse, scale) = (told.inverse(), &told.scale);
@@ -66,8 +66,9 @@ pub(super) fn pseudo_inverse(h: &Dense) -> Option<(Dense, usize)> {
     Some((Dense::from_fn(scale.len(), scale.len(), entry), told.told.len()))
 }
 
-/// Standard uncertainty of each scaled unknown under the normal matrix `h = J^T W J`, whose gradient has the covariance `spread` (`h`
-/// itself for weights that are the inverse covariance); `None` of an unknown of which these data say nothing.
+/// Standard uncertainty of each scaled unknown under the normal matrix `h = J^T W J`, whose gradient has the covariance
+/// `spread` (`h` itself for weights that are the inverse covariance); `None` of an unknown of which these data say
+/// nothing.
 pub fn stds_of_information(h: &Dense, spread: &Dense) -> Vec<Option<f64>> {
     let n = h.n_rows();
     let Some(told) = Told::new(h) else { return vec![None; n] };

@@ -25,8 +25,8 @@ pub struct Consistency {
     pub z: f64,
     /// That above which the tests contradict each other: one right set of tests in a hundred.
     pub limit: f64,
-    /// By how many of its own standard uncertainties each test would move each parameter, `[test][parameter]`; `None` where
-    /// it says nothing of it.
+    /// By how many of its own standard uncertainties each test would move each parameter, `[test][parameter]`; `None`
+    /// where it says nothing of it.
     pub moves: Vec<Vec<Option<f64>>>,
 }
 

@@ -29,8 +29,8 @@ use crate::io::case::Discretisation;
 pub struct TestFit {
     /// What it tells.
     pub share: TestShare,
-    /// The fit as this test sees it: parameters, uncertainties, budget and verdict are those of all tests together; objective, misfit,
-    /// displacements and tractions its own.
+    /// The fit as this test sees it: parameters, uncertainties, budget and verdict are those of all tests together;
+    /// objective, misfit, displacements and tractions its own.
     pub fit: Fit,
 }
 
@@ -43,7 +43,8 @@ pub struct CombinedFit {
     pub omega: f64,
     /// Whether the data of all tests contradict the model; `None` without covariance.
     pub misfit: Option<Misfit>,
-    /// Whether the tests agree on the parameters; `None` where two of them do not tell the same, or their noise is not known.
+    /// Whether the tests agree on the parameters; `None` where two of them do not tell the same, or their noise is not
+    /// known.
     pub consistency: Option<Consistency>,
 }
 

@@ -69,7 +69,8 @@ impl LedTogether {
     }
 }
 
-/// The statistics of one test, with the covariance still to come, and the covariance of the gradient that its noise makes.
+/// The statistics of one test, with the covariance still to come, and the covariance of the gradient that its noise
+/// makes.
 fn of_test(
     test: &Searched<'_>,
     TestWeights { weights, factor: f }: &TestWeights,

@@ -28,7 +28,8 @@ pub(super) struct Made {
 }
 
 impl Made {
-    /// That of `tests` that ended as `known`; `constants` are those of all of them, `refined` what elements half as large change.
+    /// That of `tests` that ended as `known`; `constants` are those of all of them, `refined` what elements half as
+    /// large change.
     pub(super) fn new(
         tests: &[Searched<'_>],
         constants: &[CombinedConstant],
@@ -109,7 +110,8 @@ impl Made {
     }
 }
 
-/// A constant as it is; of the level of the noise, which is one line for all tests, the largest uncertainty that one of them has.
+/// A constant as it is; of the level of the noise, which is one line for all tests, the largest uncertainty that one of
+/// them has.
 fn with_noise_level(tests: &[Searched<'_>], known: &Known, constant: &Constant) -> Constant {
     let Some(led) = known.led.as_ref().filter(|_| constant.name == NOISE_LEVEL) else { return constant.clone() };
     let mut largest = Constant { std: 0.0, source: Source::Exact, ..constant.clone() };

@@ -1,8 +1,8 @@
 //! Several tests in one fit (THEORY 12): one law, each test with its own images, mesh, border, noise and constants.
 //!
-//! `omega = sum_k omega_k`, each in units of the noise of its own test, and information adds: `J^T W J = sum_k J_k^T W_k J_k`.
-//! [`CombinedCase::new`] makes the problem of what the case files say, [`fit_combined`] solves it; what each test tells by itself is
-//! in [`TestShare`].
+//! `omega = sum_k omega_k`, each in units of the noise of its own test, and information adds: `J^T W J = sum_k J_k^T
+//! W_k J_k`. [`CombinedCase::new`] makes the problem of what the case files say, [`fit_combined`] solves it; what each
+//! test tells by itself is in [`TestShare`].
 
 mod alone;
 mod case;

@@ -8,8 +8,8 @@ use crate::identify::objective::problem::{Evaluation, Problem};
 use crate::identify::objective::unknowns::Unknowns;
 use crate::identify::solve::trust_region::{FitStatus, TrustRegionOptions};
 
-/// The trial from where the fit of `tests` under `weights` ended with the objective `omega`; `None` where nothing is prescribed, or the
-/// law allows no other values.
+/// The trial from where the fit of `tests` under `weights` ended with the objective `omega`; `None` where nothing is
+/// prescribed, or the law allows no other values.
 ///
 /// # Errors
 /// A tangent without inverse.

@@ -49,8 +49,8 @@ impl Searched<'_> {
         })
     }
 
-    /// `weights` with the factor after which the objective is about the number of data: by the noise where that is known, else
-    /// by the residual of `evaluation`.
+    /// `weights` with the factor after which the objective is about the number of data: by the noise where that is
+    /// known, else by the residual of `evaluation`.
     fn scaled(&self, weights: Weights, evaluation: &Evaluation) -> TestWeights {
         let (noise, n) = (&self.problem.noise, self.problem.observation.n_data() as f64);
         let expected = match (&weights, noise.sigma) {

@@ -18,8 +18,8 @@ pub struct TestShare {
     pub n_data: usize,
     /// Its part of the objective, in units of its noise.
     pub omega: f64,
-    /// Standard uncertainty of each parameter by the noise if this test were alone, from its own information at the parameters
-    /// found; `None` of a parameter that it says nothing of.
+    /// Standard uncertainty of each parameter by the noise if this test were alone, from its own information at the
+    /// parameters found; `None` of a parameter that it says nothing of.
     pub std_alone: Vec<Option<f64>>,
     /// The same of all the other tests together.
     pub std_without: Vec<Option<f64>>,

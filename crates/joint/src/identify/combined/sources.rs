@@ -19,8 +19,9 @@ pub(super) struct CombinedConstant {
     pub of: Vec<Option<usize>>,
 }
 
-/// The constants of all tests, each called as in `names`. `shared` lists those whose error is the same in all tests; without it these
-/// are the constants of the strips that agree in value and uncertainty. Parameters of the law always are.
+/// The constants of all tests, each called as in `names`. `shared` lists those whose error is the same in all tests;
+/// without it these are the constants of the strips that agree in value and uncertainty. Parameters of the law always
+/// are.
 ///
 /// # Errors
 /// A name in `shared` that no test has, or whose values differ.
@@ -131,8 +132,8 @@ pub(super) struct Contribution<'a> {
     pub constants: &'a [Constant],
 }
 
-/// What each constant does to the parameters that all tests share: of each test its view of every effect, in the same order, without
-/// those that could not be computed in some test that has them.
+/// What each constant does to the parameters that all tests share: of each test its view of every effect, in the same
+/// order, without those that could not be computed in some test that has them.
 pub(super) fn effects(tests: &[Contribution<'_>], constants: &[CombinedConstant]) -> Vec<Vec<ConstantEffect>> {
     // Of a parameter of the law that tests know differently well the larger uncertainty holds in all.
     let with_larger = |(k, test): (usize, &Contribution<'_>)| {
@@ -183,7 +184,8 @@ impl Contribution<'_> {
         let (unknowns, x) = (&self.problem.unknowns, &self.evaluation.x);
         let slopes = unknowns.slopes(x);
         for effect in effects.iter_mut().filter(|effect| effect.constant.kind == ConstantKind::PixelSize) {
-            // In a test by itself the parameters follow the scale and leave no rows; where others hold them, they do not.
+            // In a test by itself the parameters follow the scale and leave no rows; where others hold them, they do
+            // not.
             let relative = effect.constant.value.map_or(effect.constant.std, |value| effect.constant.std / value);
             let follow: Vec<f64> = (unknowns.list().iter().zip(x).zip(&slopes))
                 .map(|((unknown, x), slope)| relative * power_of_length(unknown.parameter.unit) * x / slope)
@@ -196,7 +198,8 @@ impl Contribution<'_> {
         effects
     }
 
-    /// Change of each parameter of the law for the change `scaled` of the unknowns and one of `constant`, where that is one of them.
+    /// Change of each parameter of the law for the change `scaled` of the unknowns and one of `constant`, where that is
+    /// one of them.
     fn law_change(&self, constant: &Constant, scaled: &[f64]) -> Vec<f64> {
         let unknowns = &self.problem.unknowns;
         let mut law = vec![0.0; unknowns.law().parameters().len()];

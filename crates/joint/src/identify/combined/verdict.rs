@@ -6,7 +6,8 @@ use crate::identify::doubt::misfit::{FALSE_REJECTIONS, Misfit, normal_tail};
 use crate::identify::doubt::verdict::{Grounds, Outcome, Verdict};
 use crate::identify::result::fitted::FittedParameter;
 
-/// A parameter needs the tests together when the best of them alone leaves it with more than this times the uncertainty.
+/// A parameter needs the tests together when the best of them alone leaves it with more than this times the
+/// uncertainty.
 const TOGETHER: f64 = 1.5;
 
 /// What the verdict goes by beside the grounds of a single fit.

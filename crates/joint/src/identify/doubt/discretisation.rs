@@ -15,7 +15,8 @@ use std::collections::HashMap;
 pub struct Refinement {
     /// Change of each scaled unknown, to first order.
     pub scaled: Vec<f64>,
-    /// The jumps that the finer mesh has at the node pairs of the mesh, at the parameters found; by instant of the boundary.
+    /// The jumps that the finer mesh has at the node pairs of the mesh, at the parameters found; by instant of the
+    /// boundary.
     pub jumps: Vec<Vec<Jump>>,
     /// Whether intervals and bands hold it.
     pub included: bool,
@@ -23,17 +24,17 @@ pub struct Refinement {
 
 /// What the model gives with every element cut into four, at the parameters found.
 pub(crate) struct Refined {
-    /// Change of the measured rows of each instant compared, mm. Of a correlation on the same mesh it is what the correlation
-    /// would see of the finer field: its least-squares projection onto the elements (whose nodal values overshoot between
-    /// them), not the field at the nodes.
+    /// Change of the measured rows of each instant compared, mm. Of a correlation on the same mesh it is what the
+    /// correlation would see of the finer field: its least-squares projection onto the elements (whose nodal
+    /// values overshoot between them), not the field at the nodes.
     pub change: Vec<Dense>,
     /// The jumps at the node pairs of the mesh, by instant of the boundary.
     pub jumps: Vec<Vec<Jump>>,
 }
 
 impl Problem<'_> {
-    /// The model with every element cut into four, the displacements `boundary` of the border carried along its edges; `None`
-    /// where that mesh cannot be made or has no solution.
+    /// The model with every element cut into four, the displacements `boundary` of the border carried along its edges;
+    /// `None` where that mesh cannot be made or has no solution.
     pub(crate) fn refine(&self, evaluation: &Evaluation, boundary: &BoundaryHistory) -> Option<Refined> {
         let law = self.unknowns.law_at(&evaluation.x).ok()?;
         let model = &self.joint.model;
@@ -86,8 +87,8 @@ impl Problem<'_> {
     }
 }
 
-/// The least-squares projection of fields on a mesh cut in four onto the mesh itself: `C^T M_f C x = C^T M_f u`, `M_f` the
-/// mass matrix of the fine mesh, `C` what carries nodal values to it.
+/// The least-squares projection of fields on a mesh cut in four onto the mesh itself: `C^T M_f C x = C^T M_f u`, `M_f`
+/// the mass matrix of the fine mesh, `C` what carries nodal values to it.
 struct Projection<'a> {
     carry: &'a Carry,
     fine: Precision,

@@ -23,8 +23,8 @@ const EVALUATIONS_REJECTED: usize = 3;
 /// What is left of instants that were left out of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeftOut {
-    /// The sum of the squares of their whitened residuals, each predicted by a fit to the others; with an unknown noise that of
-    /// noise 1.
+    /// The sum of the squares of their whitened residuals, each predicted by a fit to the others; with an unknown
+    /// noise that of noise 1.
     pub omega: f64,
     /// Parts that were left out, one after the other.
     pub parts: usize,
@@ -40,8 +40,8 @@ impl Problem<'_> {
         Ok(Self { observation, ..self.with_unknowns(unknowns) })
     }
 
-    /// The instants left out of `fit` part by part: every part is predicted by a fit to the others that goes on from there; `None`
-    /// where there are fewer than two instants, or such a fit has no solution or no time.
+    /// The instants left out of `fit` part by part: every part is predicted by a fit to the others that goes on from
+    /// there; `None` where there are fewer than two instants, or such a fit has no solution or no time.
     ///
     /// # Errors
     /// A covariance without inverse.

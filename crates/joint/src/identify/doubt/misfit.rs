@@ -12,12 +12,13 @@ use crate::mechanics::JointMesh;
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// How far off the noise's own level may be, as a standard uncertainty relative to it: residuals of images tell it to about
-/// that (rounding, interpolation, texture), whatever the number of pixels.
+/// How far off the noise's own level may be, as a standard uncertainty relative to it: residuals of images tell it to
+/// about that (rounding, interpolation, texture), whatever the number of pixels.
 pub const NOISE_LEVEL_STD: f64 = 0.02;
 /// The share of right models that a test may reject.
 pub(crate) const FALSE_REJECTIONS: f64 = 0.01;
-/// A group whose residual is above its expectation by less than this is not worth a rejection, however well it is known.
+/// A group whose residual is above its expectation by less than this is not worth a rejection, however well it is
+/// known.
 const LEAST_RATIO: f64 = 1.1;
 /// Most groups that are named in words.
 const NAMED: usize = 3;
@@ -27,11 +28,13 @@ const PERIODS: usize = 4;
 /// The misfit test: what of the objective the noise does not explain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Misfit {
-    /// The sum of the squares of the whitened residual at the best parameters: the objective under the inverse covariance.
+    /// The sum of the squares of the whitened residual at the best parameters: the objective under the inverse
+    /// covariance.
     pub omega: f64,
     /// What noise alone leaves of it on average: numbers compared less parameters.
     pub freedom: f64,
-    /// What the size of the elements, of model and correlation, adds (`lambda_h`); `None` where it could not be computed.
+    /// What the size of the elements, of model and correlation, adds (`lambda_h`); `None` where it could not be
+    /// computed.
     pub floor: Option<f64>,
     /// What the constants of the error budget add on average, each off by its standard uncertainty.
     pub constants: f64,
@@ -76,8 +79,8 @@ impl Misfit {
         (self.tested && self.z > self.limit) || !self.significant().is_empty()
     }
 
-    /// The groups that contradict the model, the worst first: those of region and time together where there are any, else
-    /// those of one kind.
+    /// The groups that contradict the model, the worst first: those of region and time together where there are any,
+    /// else those of one kind.
     pub fn significant(&self) -> Vec<&MisfitGroup> {
         let worst_first = |groups: &[MisfitGroup]| -> Vec<usize> {
             let mut places: Vec<usize> = (0..groups.len())
@@ -95,7 +98,8 @@ impl Misfit {
         Vec::new()
     }
 
-    /// The worst groups in words, as `instants 15 to 19, upper strip, first 200 um beside the adhesive: 3.2 times expected`.
+    /// The worst groups in words, as `instants 15 to 19, upper strip, first 200 um beside the adhesive: 3.2 times
+    /// expected`.
     pub fn worst(&self) -> Vec<String> {
         let in_words = |group: &&MisfitGroup| format!("{}: {:.1} times expected", group.name, group.ratio);
         self.significant().iter().take(NAMED).map(in_words).collect()
@@ -119,16 +123,16 @@ pub(crate) fn normal_tail(tail: f64) -> f64 {
     Normal::standard().inverse_cdf(1.0 - tail)
 }
 
-/// The normal deviate of a sum of squares that is `ratio` times its expectation, as of a chi-square of `freedom` degrees (Wilson
-/// and Hilferty 1931): a sum over few numbers is far from normal.
+/// The normal deviate of a sum of squares that is `ratio` times its expectation, as of a chi-square of `freedom`
+/// degrees (Wilson and Hilferty 1931): a sum over few numbers is far from normal.
 pub(crate) fn as_normal(ratio: f64, freedom: f64) -> f64 {
     let spread = 2.0 / (9.0 * freedom);
     (ratio.cbrt() - (1.0 - spread)) / spread.sqrt()
 }
 
 impl Problem<'_> {
-    /// The misfit of a fit that ended at `evaluation` under `weights`; `refined` is the change of the measured rows that a mesh
-    /// cut in four would make ([`Problem::refine`]).
+    /// The misfit of a fit that ended at `evaluation` under `weights`; `refined` is the change of the measured rows
+    /// that a mesh cut in four would make ([`Problem::refine`]).
     ///
     /// # Errors
     /// A tangent or a covariance without inverse.
@@ -212,8 +216,8 @@ impl Problem<'_> {
         }
     }
 
-    /// `d^T Q d` of a change `d` of the rows, `Q = W - W J (J^T W J)^-1 J^T W`, and the part of `d` that other parameters do not
-    /// take up.
+    /// `d^T Q d` of a change `d` of the rows, `Q = W - W J (J^T W J)^-1 J^T W`, and the part of `d` that other
+    /// parameters do not take up.
     pub(crate) fn not_absorbed(
         &self,
         weights: &Weights,
@@ -368,7 +372,8 @@ impl Groups {
         let number = |i: usize| observation.instants[i].index + 1;
         let rows: Vec<usize> = (0..2 * observation.nodes.len()).filter(|&r| observation.compares(r)).collect();
         let mut regions = regions(problem, &rows);
-        // Millimetres and newtons do not add: the force is a region by itself, and fills the instants where it is alone.
+        // Millimetres and newtons do not add: the force is a region by itself, and fills the instants where it is
+        // alone.
         let force: Vec<usize> = self.force.iter().map(|(row, _)| *row).collect();
         let of_instants = if rows.is_empty() { &force } else { &rows };
         let by_instant = (0..n)
@@ -397,8 +402,8 @@ impl Groups {
     }
 }
 
-/// The regions that the compared `rows` fall into: strip, distance from the adhesive (up to a sixth of the strip's depth, up
-/// to the half, beyond), third along the joint; those without rows left out.
+/// The regions that the compared `rows` fall into: strip, distance from the adhesive (up to a sixth of the strip's
+/// depth, up to the half, beyond), third along the joint; those without rows left out.
 fn regions(problem: &Problem<'_>, rows: &[usize]) -> Vec<(String, Vec<usize>)> {
     let model = &problem.joint.model;
     let mesh = model.mesh();

@@ -11,7 +11,8 @@ const ONE_MODE: f64 = 0.7;
 const NOTHING: f64 = 1e-11;
 /// Points of each pure mode at which the law is looked at.
 const POINTS: usize = 60;
-/// By so much, so many times at most, the jump is made larger until a pure mode has no traction left: nine powers of ten.
+/// By so much, so many times at most, the jump is made larger until a pure mode has no traction left: nine powers of
+/// ten.
 const STRETCH: f64 = 1.2;
 const STRETCHES: usize = 120;
 /// Step of a scaled unknown for the derivative of the tractions: truncation and round-off are far below what is asked.
@@ -39,13 +40,15 @@ impl Mode {
 /// How a test loads the joint, and what kind of test would tell what it tells worst.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MissingMode {
-    /// Share of opening in the work that the tractions do while the faces part, from 0 to 1; `None` where they do none.
+    /// Share of opening in the work that the tractions do while the faces part, from 0 to 1; `None` where they do
+    /// none.
     pub opening_share: Option<f64>,
     /// The mode that is missing; `None` where the test has it already.
     pub missing: Option<Mode>,
 }
 
-/// Share of opening in the work of separation of a run whose displacements at each instant are `fields`; `None` where there is no such work.
+/// Share of opening in the work of separation of a run whose displacements at each instant are `fields`; `None` where
+/// there is no such work.
 pub fn opening_share<'a>(
     model: &Model,
     law: &dyn CohesiveLaw,
@@ -70,9 +73,9 @@ pub fn opening_share<'a>(
 }
 
 impl Problem<'_> {
-    /// What kind of test would tell the combinations of unknowns that the data leave open: those with a standard uncertainty above
-    /// `largest_std` under `covariance` (of the scaled unknowns), or, without one, those that the normal matrix `h` says nothing of; one
-    /// at least. `None` where that cannot be said.
+    /// What kind of test would tell the combinations of unknowns that the data leave open: those with a standard
+    /// uncertainty above `largest_std` under `covariance` (of the scaled unknowns), or, without one, those that the
+    /// normal matrix `h` says nothing of; one at least. `None` where that cannot be said.
     pub(crate) fn missing_mode(
         &self,
         evaluation: &Evaluation,

@@ -1,6 +1,7 @@
 //! Values that no metal, polymer or wood has, and tests that hardly load the adhesive: warned of by name.
 //!
-//! Thresholds are wide: what they catch is a wrong unit, a wrong row of a table, a wrong scale. docs/identification.md lists them.
+//! Thresholds are wide: what they catch is a wrong unit, a wrong row of a table, a wrong scale. docs/identification.md
+//! lists them.
 
 use crate::identify::objective::problem::Problem;
 use crate::mechanics::Joint;
@@ -30,7 +31,8 @@ const WORK: [f64; 2] = [1e-3, 100.0];
 const PIXEL: [f64; 2] = [1e-6, 1.0];
 /// Largest thickness of an adhesive, mm.
 const THICKEST: f64 = 20.0;
-/// Share of the jump at the largest traction that the joint must have reached: below it only the first slope of the law is loaded.
+/// Share of the jump at the largest traction that the joint must have reached: below it only the first slope of the law
+/// is loaded.
 const LOADED: f64 = 0.1;
 /// The same for values that a fit starts from.
 const LOADED_AT_START: f64 = 0.01;
@@ -41,8 +43,8 @@ fn implausible(code: Code, name: impl Into<String>, value: f64, unit: &str, text
     Remark::new(code, About::Parameter(name.into()), text).with(with_unit, value)
 }
 
-/// What is implausible of a case: materials, thickness and scale (`mm_per_px`, where it is known) of its joint, and the law that its
-/// fit starts from beside the measured jumps.
+/// What is implausible of a case: materials, thickness and scale (`mm_per_px`, where it is known) of its joint, and the
+/// law that its fit starts from beside the measured jumps.
 pub fn implausible_joint(problem: &Problem<'_>, mm_per_px: Option<f64>) -> Vec<Remark> {
     let joint = problem.joint;
     let mut found = Vec::new();

@@ -22,14 +22,14 @@ pub(crate) fn limit(freedom: usize) -> f64 {
     ChiSquared::new(freedom as f64).map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - FALSE_ALARMS))
 }
 
-/// What becomes of the objective when the prescribed parameters of the law are unknowns too, all together, under the weights
-/// of the fit.
+/// What becomes of the objective when the prescribed parameters of the law are unknowns too, all together, under the
+/// weights of the fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Released {
     /// The parameters that were prescribed.
     pub parameters: Vec<ReleasedParameter>,
-    /// What the objective falls by, in units of the noise's variance: a chi-square of as many degrees of freedom as there
-    /// are parameters where the prescriptions are right.
+    /// What the objective falls by, in units of the noise's variance: a chi-square of as many degrees of freedom as
+    /// there are parameters where the prescriptions are right.
     pub gain: f64,
     /// Fall that right prescriptions exceed in one of a thousand cases.
     pub limit: f64,
@@ -66,8 +66,8 @@ impl ReleasedParameter {
 }
 
 impl Problem<'_> {
-    /// Tries the prescribed parameters of the law as unknowns, from the end `evaluation` of the fit on; `None` where there are
-    /// none, or the law allows no others.
+    /// Tries the prescribed parameters of the law as unknowns, from the end `evaluation` of the fit on; `None` where
+    /// there are none, or the law allows no others.
     ///
     /// # Errors
     /// A tangent without inverse.

@@ -44,8 +44,9 @@ impl ReleasedWidth {
 }
 
 impl Problem<'_> {
-    /// The width of the specimen as one more unknown of the fit that ended at `evaluation` under `weights`, to first order; `None` without
-    /// a force, or where the data say nothing of it. `refined` and `effects` as of [`Problem::misfit`].
+    /// The width of the specimen as one more unknown of the fit that ended at `evaluation` under `weights`, to first
+    /// order; `None` without a force, or where the data say nothing of it. `refined` and `effects` as of
+    /// [`Problem::misfit`].
     pub(crate) fn width_as_unknown(
         &self,
         evaluation: &Evaluation,

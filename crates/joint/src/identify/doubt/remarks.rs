@@ -1,4 +1,5 @@
-//! What there is to say of the case of a fit; of values that hardly anything has see [`crate::identify::doubt::plausibility`].
+//! What there is to say of the case of a fit; of values that hardly anything has see
+//! [`crate::identify::doubt::plausibility`].
 
 use crate::io::joint::JointRun;
 use crate::remark::{About, Code, Remark};

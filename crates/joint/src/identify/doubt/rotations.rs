@@ -17,8 +17,8 @@ pub const ROTATIONS_HELD: f64 = 1.0;
 /// What finite rotations would change of a fit with small ones.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rotations {
-    /// Change of each parameter that was fitted, to first order, in its unit; `None` where the model with finite rotations has no
-    /// solution.
+    /// Change of each parameter that was fitted, to first order, in its unit; `None` where the model with finite
+    /// rotations has no solution.
     pub change: Option<Vec<f64>>,
 }
 
@@ -53,8 +53,8 @@ impl Rotations {
 }
 
 impl Problem<'_> {
-    /// The change of the measured rows of each instant compared, mm, when rotations are finite; `None` where they are already, or
-    /// where there is no solution.
+    /// The change of the measured rows of each instant compared, mm, when rotations are finite; `None` where they are
+    /// already, or where there is no solution.
     pub(crate) fn turn(&self, evaluation: &Evaluation, boundary: &BoundaryHistory) -> Option<Vec<Dense>> {
         let law = self.unknowns.law_at(&evaluation.x).ok()?;
         let model = &self.joint.model;

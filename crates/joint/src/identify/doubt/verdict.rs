@@ -168,8 +168,8 @@ impl Verdict {
 }
 
 impl Verdict {
-    /// The same with what is known of rotations that were taken as small: where they cost more than what is not known, nothing is
-    /// determined.
+    /// The same with what is known of rotations that were taken as small: where they cost more than what is not known,
+    /// nothing is determined.
     pub(crate) fn with_rotations(mut self, rotations: Option<&Rotations>, parameters: &[FittedParameter]) -> Self {
         let held = |rotations: &&Rotations| rotations.in_stds(parameters).is_none_or(|cost| cost <= ROTATIONS_HELD);
         let cost = rotations.filter(|rotations| rotations.change.is_some() && !held(rotations));
@@ -185,8 +185,8 @@ impl Verdict {
     }
 }
 
-/// Whether even the noise alone, without anything that elements and constants may add, would leave more: by more than the factor at
-/// which a stated noise is contradicted, and more than chance (few numbers scatter).
+/// Whether even the noise alone, without anything that elements and constants may add, would leave more: by more than
+/// the factor at which a stated noise is contradicted, and more than chance (few numbers scatter).
 fn too_quiet(misfit: &Misfit) -> bool {
     let chance = as_normal(misfit.omega / misfit.freedom, misfit.freedom);
     misfit.omega < misfit.freedom / LARGEST_NOISE_RATIO.powi(2) && chance < -misfit.limit

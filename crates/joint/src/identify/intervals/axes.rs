@@ -1,5 +1,5 @@
-//! How far the parameters can go along each axis of their covariance before the objective objects: what linear theory has to be
-//! replaced by where the data hardly know a parameter.
+//! How far the parameters can go along each axis of their covariance before the objective objects: what linear theory
+//! has to be replaced by where the data hardly know a parameter.
 
 use crate::identify::FitError;
 use crate::identify::cases::options::FitOptions;
@@ -19,13 +19,13 @@ const STUCK: f64 = 0.02;
 
 /// The axes of the likelihood of a fit, in scaled unknowns.
 ///
-/// Along an axis of the covariance whose standard deviation is at most [`LINEAR_STD`] linear theory holds. Along the others the
-/// objective is followed to where it is `1.96^2` above its minimum ([`ProfileEnds`]), on either side by itself; a draw goes
-/// there in proportion. Axes are independent of one another, as they are in linear theory.
+/// Along an axis of the covariance whose standard deviation is at most [`LINEAR_STD`] linear theory holds. Along the
+/// others the objective is followed to where it is `1.96^2` above its minimum ([`ProfileEnds`]), on either side by
+/// itself; a draw goes there in proportion. Axes are independent of one another, as they are in linear theory.
 ///
-/// Of a law with [minima of its own](CohesiveLaw::has_own_minima) the covariance knows one of them only. There, and wherever an axis is
-/// wide, the objective is followed along every unknown by itself too, from every minimum: the laws that are met on the way and that
-/// the objective allows are kept.
+/// Of a law with [minima of its own](CohesiveLaw::has_own_minima) the covariance knows one of them only. There, and
+/// wherever an axis is wide, the objective is followed along every unknown by itself too, from every minimum: the laws
+/// that are met on the way and that the objective allows are kept.
 #[derive(Debug)]
 pub(crate) struct Axes {
     /// Moves at 1.96 standard deviations below and above, of each axis.
@@ -39,8 +39,8 @@ pub(crate) struct Axes {
 }
 
 impl Axes {
-    /// Those of a fit that ended at `evaluation`, whose law has more `minima` (scaled unknowns with the objective there); `None` where
-    /// linear theory holds along all of them, or nothing is known of some.
+    /// Those of a fit that ended at `evaluation`, whose law has more `minima` (scaled unknowns with the objective
+    /// there); `None` where linear theory holds along all of them, or nothing is known of some.
     ///
     /// # Errors
     /// A covariance without inverse.

@@ -64,8 +64,8 @@ struct Draws {
 }
 
 impl Draws {
-    /// Those of noise with this covariance of the scaled unknowns and of the constants of `fit`; none where it has no factor
-    /// or a law refuses.
+    /// Those of noise with this covariance of the scaled unknowns and of the constants of `fit`; none where it has no
+    /// factor or a law refuses.
     fn new(problem: &Problem<'_>, fit: &Fit, covariance: &Dense) -> Option<Self> {
         let unknowns = &problem.unknowns;
         let factor = covariance.cholesky().ok()?;
@@ -99,15 +99,16 @@ impl Draws {
     }
 }
 
-/// Draws along the axes of the likelihood: more than where first order takes part, since their quantiles stand for themselves.
+/// Draws along the axes of the likelihood: more than where first order takes part, since their quantiles stand for
+/// themselves.
 const ALONG_AXES: usize = 480;
 /// Times that a draw is made which is no law.
 const TRIALS: usize = 20;
 /// Scaled distance (of logarithms: a factor of 20) that no draw goes beyond.
 const FAR: f64 = 3.0;
 
-/// Laws that noise and constants make of that of `fit`: what noise does follows `axes`, constants go to first order. A draw that is
-/// no law is drawn again, and after some trials drawn back to where it is one.
+/// Laws that noise and constants make of that of `fit`: what noise does follows `axes`, constants go to first order. A
+/// draw that is no law is drawn again, and after some trials drawn back to where it is one.
 fn laws_along(problem: &Problem<'_>, fit: &Fit, axes: &Axes) -> Vec<Box<dyn CohesiveLaw>> {
     let unknowns = &problem.unknowns;
     let z = unknowns.scaled(&fit.evaluation.x);
@@ -154,8 +155,9 @@ fn is_fitted(problem: &Problem<'_>, index: usize) -> bool {
     problem.unknowns.list().iter().any(|unknown| unknown.index == index)
 }
 
-/// How far a 95 % band reaches below and above the value whose standard uncertainty to first order is `std`: the quantiles of
-/// the `errors` of draws, by those that the same draws have to first order, so that a linear law gives `1.96 std` exactly.
+/// How far a 95 % band reaches below and above the value whose standard uncertainty to first order is `std`: the
+/// quantiles of the `errors` of draws, by those that the same draws have to first order, so that a linear law gives
+/// `1.96 std` exactly.
 fn reach(std: f64, errors: &mut [f64], linear: &mut [f64]) -> [f64; 2] {
     let half = NORMAL_95 * std;
     errors.sort_by(f64::total_cmp);
@@ -187,7 +189,8 @@ fn by_noise(statistics: &Statistics, fit: &Fit) -> Dense {
     Dense::from_fn(n, n, |r, c| noise_factor(fit) * statistics.covariance[(r, c)])
 }
 
-/// What the noise of the measurement does to the jumps of one instant beside what the parameters do: `dJ = by_z^T dz + w`.
+/// What the noise of the measurement does to the jumps of one instant beside what the parameters do: `dJ = by_z^T dz +
+/// w`.
 struct JumpErrors {
     /// Derivatives of the jumps by the scaled unknowns: a column for D_n and one for D_t of every pair.
     by_z: Dense,
@@ -197,15 +200,15 @@ struct JumpErrors {
     own: Vec<[[f64; 2]; 2]>,
 }
 
-/// Tractions along the joint at every instant compared, with what the noise of the measurement (through the parameters and,
-/// where the boundary is noisy, through the prescribed displacements, the two correlated) and the uncertain constants do
-/// to them; bands also hold the effect of the element size and the bias of the noise where the intervals do. Empty without
-/// covariance.
+/// Tractions along the joint at every instant compared, with what the noise of the measurement (through the parameters
+/// and, where the boundary is noisy, through the prescribed displacements, the two correlated) and the uncertain
+/// constants do to them; bands also hold the effect of the element size and the bias of the noise where the intervals
+/// do. Empty without covariance.
 ///
 /// Parameters and jumps have errors to first order: `dJ = G^T dz + H^T d_i` with `dz = A sum_j v_j^T e_j` and `d_i` the
-/// error of the prescribed displacements. A constant moves the parameters, the law where it is one of its own, and the jumps
-/// together; constants are independent of the noise and of one another. Bands lead all of them through the law itself, with
-/// its peak and its kink at zero opening, so that they need not be symmetric.
+/// error of the prescribed displacements. A constant moves the parameters, the law where it is one of its own, and the
+/// jumps together; constants are independent of the noise and of one another. Bands lead all of them through the law
+/// itself, with its peak and its kink at zero opening, so that they need not be symmetric.
 ///
 /// # Errors
 /// A tangent without inverse.
@@ -395,7 +398,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Change of the traction by the prescribed parameters of the law that `effect` moves, `by` being its derivatives by all of them.
+/// Change of the traction by the prescribed parameters of the law that `effect` moves, `by` being its derivatives by
+/// all of them.
 fn law_change(problem: &Problem<'_>, effect: &ConstantEffect, by: &[Traction]) -> Traction {
     let prescribed = by.iter().zip(&effect.law).enumerate().filter(|(index, _)| !is_fitted(problem, *index));
     prescribed.fold(Traction::default(), |sum, (_, (by, change))| Traction {
@@ -451,8 +455,9 @@ fn jump_errors(
         own.iter_mut().flatten().flatten().for_each(|v| *v *= sigma2 * (1.0 + noise.common));
         return Ok(JumpErrors { by_z, cross, own });
     }
-    // The boundary was estimated with the parameters: `d_i = N^-1 T^T M (r - J z - e)` follows z, and what is left is the
-    // uncertainty of the boundary given the parameters, with that of the common error e, which is good to sigma^2 common.
+    // The boundary was estimated with the parameters: `d_i = N^-1 T^T M (r - J z - e)` follows z, and what is left is
+    // the uncertainty of the boundary given the parameters, with that of the common error e, which is good to
+    // sigma^2 common.
     let h = Dense::from_fn(by_boundary.len(), 2 * n_pairs, |k, at| component(by_boundary[k][at / 2], at % 2));
     let t = &statistics.by_boundary[i];
     let mt = noise.precision.times(t);
@@ -476,8 +481,8 @@ fn jump_errors(
     Ok(JumpErrors { by_z, cross, own })
 }
 
-/// The law in pure opening and in pure sliding, up to where it has nearly no traction left, with its uncertainty; the bands
-/// lead the errors of the parameters through the law itself.
+/// The law in pure opening and in pure sliding, up to where it has nearly no traction left, with its uncertainty; the
+/// bands lead the errors of the parameters through the law itself.
 ///
 /// # Errors
 /// Values that the law does not allow.
@@ -501,8 +506,8 @@ pub(crate) fn reach_of(law: &dyn CohesiveLaw) -> [f64; 2] {
     [opening, sliding]
 }
 
-/// The same up to these jumps in opening and in sliding, mm; of a likelihood that is not that of a normal distribution along its
-/// `axes`.
+/// The same up to these jumps in opening and in sliding, mm; of a likelihood that is not that of a normal distribution
+/// along its `axes`.
 pub(crate) fn curve_bands_up_to(
     problem: &Problem<'_>,
     fit: &Fit,

@@ -1,5 +1,6 @@
-//! Parametric bootstrap: what fits of data simulated from the fitted model do, noise of border and common reference included.
-//! It finds the bias that noise makes through a kink of the law or through plasticity, which no linear theory sees.
+//! Parametric bootstrap: what fits of data simulated from the fitted model do, noise of border and common reference
+//! included. It finds the bias that noise makes through a kink of the law or through plasticity, which no linear theory
+//! sees.
 
 use crate::identify::intervals::statistics::Statistics;
 use crate::identify::objective::problem::{Evaluation, Problem};
@@ -45,8 +46,8 @@ pub(crate) struct Base<'a> {
     pub statistics: &'a Statistics,
     pub weights: &'a Weights,
     pub boundary: &'a BoundaryHistory,
-    /// Whether the fit makes its weights (or the border) anew from the data: refits under the weights of the end then tell nothing
-    /// of its bias, whose part through the border even changes its sign.
+    /// Whether the fit makes its weights (or the border) anew from the data: refits under the weights of the end then
+    /// tell nothing of its bias, whose part through the border even changes its sign.
     pub follows_data: bool,
 }
 
@@ -54,7 +55,8 @@ pub(crate) struct Base<'a> {
 type Refit = Option<(Vec<f64>, bool)>;
 
 impl Base<'_> {
-    /// `n_pairs` pairs of refits under the weights of the end; the same for any number of threads. `None` when no pair converged.
+    /// `n_pairs` pairs of refits under the weights of the end; the same for any number of threads. `None` when no pair
+    /// converged.
     pub(crate) fn bootstrap(&self, n_pairs: usize) -> Option<Bootstrap> {
         let pairs: Vec<[Refit; 2]> = (0..n_pairs as u64)
             .into_par_iter()
@@ -92,8 +94,8 @@ impl Base<'_> {
         })
     }
 
-    /// What one pair of opposite draws moves the unknowns by, to second order: the even and the odd part of what the linear
-    /// theory does not predict. `None` where a forward run has no solution. Two evaluations.
+    /// What one pair of opposite draws moves the unknowns by, to second order: the even and the odd part of what the
+    /// linear theory does not predict. `None` where a forward run has no solution. Two evaluations.
     pub(crate) fn probe(&self) -> Option<[Vec<f64>; 2]> {
         let noise = self.noise(SEED);
         let predicted = self.predicted(&noise);

@@ -25,12 +25,13 @@ pub struct BudgetLine {
     pub value: Option<f64>,
     /// The unit of value and standard uncertainty.
     pub unit: &'static str,
-    /// The standard uncertainty of the constant; `None` of a line that is none (noise, element size), or where nothing is known.
+    /// The standard uncertainty of the constant; `None` of a line that is none (noise, element size), or where nothing
+    /// is known.
     pub std: Option<f64>,
     /// Whether it is part of the intervals.
     pub included: bool,
-    /// What it does to each fitted parameter per standard uncertainty, in the unit of the parameter; empty where it does
-    /// nothing (exact, not stated) or could not be computed.
+    /// What it does to each fitted parameter per standard uncertainty, in the unit of the parameter; empty where it
+    /// does nothing (exact, not stated) or could not be computed.
     pub parameters: Vec<f64>,
     /// What it does to each derived quantity, in its unit; empty as `parameters`.
     pub derived: Vec<f64>,
@@ -88,7 +89,8 @@ impl Budget {
         line.and_then(|line| line.std).unwrap_or(0.0)
     }
 
-    /// The lines that are part of the interval of fitted parameter `k`, largest first, with the magnitude of their effect.
+    /// The lines that are part of the interval of fitted parameter `k`, largest first, with the magnitude of their
+    /// effect.
     pub fn largest(&self, k: usize) -> Vec<(&BudgetLine, f64)> {
         let effect = |line: &BudgetLine| line.parameters.get(k).filter(|_| line.included).map(|effect| effect.abs());
         let mut list: Vec<_> = self.lines.iter().filter_map(|line| Some((line, effect(line)?))).collect();
@@ -104,10 +106,10 @@ impl Budget {
     }
 }
 
-/// Ends of the 95 % interval about `value`: `noise` is how far that of the noise alone reaches below and above it, `None`
-/// without an end; `bias` is what noise shifts the value by on average (found less true); `others` is the standard
-/// uncertainty of all else, which adds up with the noise as squares. The value is never moved: the interval is extended to
-/// where the bias says that the truth is.
+/// Ends of the 95 % interval about `value`: `noise` is how far that of the noise alone reaches below and above it,
+/// `None` without an end; `bias` is what noise shifts the value by on average (found less true); `others` is the
+/// standard uncertainty of all else, which adds up with the noise as squares. The value is never moved: the interval is
+/// extended to where the bias says that the truth is.
 ///
 /// ```
 /// # use quadrille_joint as quadrille;

@@ -1,7 +1,8 @@
 //! Constants of the model that are not known exactly: what their uncertainty does to the estimate (THEORY 7, 11).
 //!
-//! To first order `dX/dc = -A J^T W dU/dc`. The derivatives of the displacements come from the tangent at the solution: the change
-//! of the internal forces when the constant moves, solved for the free nodes. No further forward run is needed.
+//! To first order `dX/dc = -A J^T W dU/dc`. The derivatives of the displacements come from the tangent at the solution:
+//! the change of the internal forces when the constant moves, solved for the free nodes. No further forward run is
+//! needed.
 
 use crate::identify::intervals::statistics::Statistics;
 use crate::identify::objective::load_cell::LoadCell;
@@ -13,7 +14,8 @@ use crate::mechanics::{Instant, JointMesh, JointParts, Kinematics, Linearised, M
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Step by which a face or the thickness is moved, by the size of the elements: its square is the error of the derivative.
+/// Step by which a face or the thickness is moved, by the size of the elements: its square is the error of the
+/// derivative.
 const STEP: f64 = 1e-5;
 
 /// A constant with its standard uncertainty.
@@ -87,8 +89,8 @@ pub enum ConstantKind {
     },
     /// Thickness of the adhesive, mm: the upper strip lies further away. Only the objective jump knows it.
     Thickness,
-    /// Position of a face along the normal (from the lower to the upper strip), mm: the strip is taller, and what was measured at
-    /// its first row of nodes is continued along the edges of its elements.
+    /// Position of a face along the normal (from the lower to the upper strip), mm: the strip is taller, and what was
+    /// measured at its first row of nodes is continued along the edges of its elements.
     Face(Face),
     /// Pixel size: all lengths, measured and of the mesh, grow alike.
     PixelSize,
@@ -301,8 +303,8 @@ impl<'a> AtInstant<'a> {
 }
 
 impl Problem<'_> {
-    /// The effect of each constant on the unknowns, to first order; without those that are exact, that are fitted, or whose effect
-    /// cannot be computed at some instant (no tangent, no mesh).
+    /// The effect of each constant on the unknowns, to first order; without those that are exact, that are fitted, or
+    /// whose effect cannot be computed at some instant (no tangent, no mesh).
     pub(crate) fn constant_effects(
         &self,
         evaluation: &Evaluation,
@@ -441,8 +443,8 @@ fn normals(mesh: &JointMesh, face: Face) -> BTreeMap<u32, [f64; 2]> {
     sums
 }
 
-/// Of each node of a face the node behind it: at the other end of the edge that leaves the face most steeply, with its distance
-/// along the normal (from there to the face).
+/// Of each node of a face the node behind it: at the other end of the edge that leaves the face most steeply, with its
+/// distance along the normal (from there to the face).
 fn behind(mesh: &JointMesh, normals: &BTreeMap<u32, [f64; 2]>) -> Vec<([u32; 2], f64)> {
     let mut steepest: BTreeMap<u32, (f64, u32, f64)> = BTreeMap::new();
     for corners in mesh.elements() {

@@ -41,8 +41,9 @@ pub const DRAWS: usize = 24;
 pub struct Linearity {
     /// Why it may not; empty when nothing speaks against it.
     pub doubts: Vec<String>,
-    /// What a pair of opposite draws of noise does to each scaled unknown beyond linear theory, in standard uncertainties: the
-    /// even part, which is the bias that the noise makes, and the odd part. `None` where that was not computed.
+    /// What a pair of opposite draws of noise does to each scaled unknown beyond linear theory, in standard
+    /// uncertainties: the even part, which is the bias that the noise makes, and the odd part. `None` where that
+    /// was not computed.
     pub probe: Option<[Vec<f64>; 2]>,
 }
 
@@ -62,7 +63,8 @@ pub struct IntervalBasis {
     pub linearity: Linearity,
     /// Draws of the bootstrap that was to be made; 0 for none.
     pub draws: usize,
-    /// The bootstrap, which counts the draws that failed; `None` where none was to be made, or no pair of draws gave two fits.
+    /// The bootstrap, which counts the draws that failed; `None` where none was to be made, or no pair of draws gave
+    /// two fits.
     pub bootstrap: Option<Bootstrap>,
     /// What noise shifts each scaled unknown by on average (found less true), by bootstrap or probe.
     pub bias: Option<Vec<f64>>,
@@ -81,8 +83,8 @@ impl IntervalBasis {
     }
 }
 
-/// Why linear intervals may not be good, from the relative standard uncertainties of the parameters called `names`, and from
-/// the even and the odd part of a probe in standard uncertainties.
+/// Why linear intervals may not be good, from the relative standard uncertainties of the parameters called `names`, and
+/// from the even and the odd part of a probe in standard uncertainties.
 pub fn doubts(names: &[&str], relative_std: &[f64], probe: Option<&[Vec<f64>; 2]>) -> Vec<String> {
     let mut list = Vec::new();
     for (name, std) in names.iter().zip(relative_std).filter(|(_, std)| **std > LINEAR_STD) {
@@ -114,8 +116,8 @@ struct Settled<'a> {
     slopes: Vec<f64>,
 }
 
-/// Gives `parameters` and `quantities` the intervals that `wanted` asks for; `n_draws` is the size of the bootstrap, `budget` has
-/// what adds up with the noise.
+/// Gives `parameters` and `quantities` the intervals that `wanted` asks for; `n_draws` is the size of the bootstrap,
+/// `budget` has what adds up with the noise.
 pub(crate) fn settle(
     base: &Base<'_>,
     wanted: Intervals,

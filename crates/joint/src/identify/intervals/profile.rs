@@ -27,8 +27,8 @@ const REACH: f64 = 3.5;
 
 /// The profile of unknown `k` about the end of `done`.
 ///
-/// The rise is in units of `Cov_kk / A_kk`, which is 1 for the inverse covariance as weights: in a linear problem it is the
-/// square of the distance in standard deviations.
+/// The rise is in units of `Cov_kk / A_kk`, which is 1 for the inverse covariance as weights: in a linear problem it is
+/// the square of the distance in standard deviations.
 ///
 /// # Errors
 /// See [`FitError`].

@@ -6,7 +6,8 @@ use crate::identify::solve::trust_region::Local;
 use crate::linalg::Dense;
 use rayon::prelude::*;
 
-/// Scaled distance from the end of the fit (of logarithms: a factor of 20) beyond which no end of an interval is looked for.
+/// Scaled distance from the end of the fit (of logarithms: a factor of 20) beyond which no end of an interval is looked
+/// for.
 const FAR: f64 = 3.0;
 /// Longest component of one step towards an end.
 const STRIDE: f64 = 0.7;
@@ -15,9 +16,10 @@ const SHORT: f64 = 0.05;
 /// Evaluations towards one end.
 const TRIALS: usize = 20;
 
-/// Ends of profile likelihood intervals without the profile: from the end of the fit the point is sought where a functional of the
-/// scaled unknowns is extreme while the objective is `1.96^2` above its minimum (Venzon and Moolgavkar, Applied Statistics 37, 1988,
-/// 87-94), with the second derivatives of Gauss-Newton and the weights of the end. A nearly linear problem takes one evaluation.
+/// Ends of profile likelihood intervals without the profile: from the end of the fit the point is sought where a
+/// functional of the scaled unknowns is extreme while the objective is `1.96^2` above its minimum (Venzon and
+/// Moolgavkar, Applied Statistics 37, 1988, 87-94), with the second derivatives of Gauss-Newton and the weights of the
+/// end. A nearly linear problem takes one evaluation.
 pub(crate) struct ProfileEnds<'a> {
     base: &'a Base<'a>,
     z: Vec<f64>,
@@ -57,7 +59,8 @@ impl<'a> ProfileEnds<'a> {
         Some(evaluation.local(weights, &problem.noise)).filter(|local| local.omega.is_finite())
     }
 
-    /// Both ends for each of `directions`, in scaled unknowns; `None` where there is none within [`FAR`] and the bounds.
+    /// Both ends for each of `directions`, in scaled unknowns; `None` where there is none within [`FAR`] and the
+    /// bounds.
     pub(crate) fn along(&self, directions: &[Vec<f64>]) -> Vec<[Option<Vec<f64>>; 2]> {
         self.ways(directions).into_iter().map(|ways| ways.map(|way| way.end)).collect()
     }
@@ -98,8 +101,8 @@ impl<'a> ProfileEnds<'a> {
         self.rise(&way).is_some_and(|rise| omega <= self.least + rise)
     }
 
-    /// The farthest of some points on the straight way of linear theory towards which `s z` grows that the objective allows: what is left
-    /// where a search gets nowhere.
+    /// The farthest of some points on the straight way of linear theory towards which `s z` grows that the objective
+    /// allows: what is left where a search gets nowhere.
     pub(crate) fn straight(&self, s: &[f64]) -> Option<Vec<f64>> {
         let covariance = &self.base.statistics.covariance;
         let wanted = self.least + self.rise(s)?;
@@ -117,7 +120,8 @@ impl<'a> ProfileEnds<'a> {
         })
     }
 
-    /// The end towards which `s z` grows, where the objective is higher by `rise` than the least; tells `way` where it comes by.
+    /// The end towards which `s z` grows, where the objective is higher by `rise` than the least; tells `way` where it
+    /// comes by.
     fn search(&self, s: &[f64], rise: f64, way: &mut Way) -> Option<Vec<f64>> {
         let Base { problem, .. } = self.base;
         let n = s.len();
@@ -179,8 +183,8 @@ fn quadratic(m: &Dense, s: &[f64]) -> f64 {
     (0..s.len()).map(|r| (0..s.len()).map(|c| s[r] * m[(r, c)] * s[c]).sum::<f64>()).sum()
 }
 
-/// The step of the `free` unknowns to where the quadratic model about `local` has the value `wanted` and `s z` is largest; to its
-/// minimum where it is above that everywhere.
+/// The step of the `free` unknowns to where the quadratic model about `local` has the value `wanted` and `s z` is
+/// largest; to its minimum where it is above that everywhere.
 fn step_to(local: &Local, s: &[f64], wanted: f64, free: &[usize]) -> Option<Vec<f64>> {
     if free.iter().all(|&k| s[k] == 0.0) {
         return None;

@@ -9,7 +9,8 @@ use rayon::prelude::*;
 /// 97.5 % of a normal distribution lie below this many standard deviations.
 pub const NORMAL_95: f64 = 1.959963984540054;
 
-/// The estimate as a linear function of the noise: `dz = A sum_i v_i^T e_i`, `e_i` the noise of the rows at instant `i`.
+/// The estimate as a linear function of the noise: `dz = A sum_i v_i^T e_i`, `e_i` the noise of the rows at instant
+/// `i`.
 #[derive(Debug)]
 pub struct Statistics {
     /// `A = (J^T W J)^-1`, of the scaled unknowns.
@@ -81,8 +82,8 @@ pub(crate) struct Led {
     pub v: Vec<Dense>,
     /// Derivatives of the rows by the prescribed displacements at each instant; empty where those have no noise.
     pub by_boundary: Vec<Dense>,
-    /// Under diagonal weights the objective that noise of sigma 1 has before anything is fitted, and the covariance of the gradient
-    /// that it makes; under the inverse covariance both follow from the normal matrix.
+    /// Under diagonal weights the objective that noise of sigma 1 has before anything is fitted, and the covariance of
+    /// the gradient that it makes; under the inverse covariance both follow from the normal matrix.
     pub of_diagonal: Option<(f64, Dense)>,
 }
 
@@ -114,8 +115,8 @@ impl Led {
 }
 
 impl Statistics {
-    /// How the scaled estimate moves when the computed displacements of the rows change by `moved`, a column for each instant:
-    /// `-A sum_i v_i^T U_i`.
+    /// How the scaled estimate moves when the computed displacements of the rows change by `moved`, a column for each
+    /// instant: `-A sum_i v_i^T U_i`.
     pub fn shift(&self, moved: &[Dense]) -> Vec<f64> {
         let mut sum = Dense::zeros(self.a.n_rows(), 1);
         self.v.iter().zip(moved).for_each(|(v, moved)| sum.add(-1.0, &v.transposed_times(moved)));

@@ -1,5 +1,5 @@
-//! Averages over several laws, each with its weight: what is left of the choice of the law is part of the uncertainty (Burnham
-//! and Anderson 2002, section 4.3).
+//! Averages over several laws, each with its weight: what is left of the choice of the law is part of the uncertainty
+//! (Burnham and Anderson 2002, section 4.3).
 
 use crate::identify::intervals::bands::CurveBand;
 use crate::identify::intervals::statistics::NORMAL_95;
@@ -7,9 +7,10 @@ use crate::identify::intervals::statistics::NORMAL_95;
 /// 99 % quantile of a standard normal variable, one-sided.
 const NORMAL_99: f64 = 2.326;
 
-/// By how much noise alone puts omega of a law with `n_best` parameters below that of another with `n`, where both describe the joint
-/// equally well: mean and standard deviation. Each has then fitted as much noise as it has parameters: chi-square of `n_best` less
-/// chi-square of `n`, whose scatter is largest where they fit different parts of it.
+/// By how much noise alone puts omega of a law with `n_best` parameters below that of another with `n`, where both
+/// describe the joint equally well: mean and standard deviation. Each has then fitted as much noise as it has
+/// parameters: chi-square of `n_best` less chi-square of `n`, whose scatter is largest where they fit different parts
+/// of it.
 fn of_noise(n_best: usize, n: usize) -> [f64; 2] {
     let [best, other] = [n_best, n].map(|n| n as f64);
     [best - other, (2.0 * (best + other)).sqrt()]
@@ -21,9 +22,9 @@ pub fn within_noise(n_best: usize, n: usize) -> f64 {
     mean + NORMAL_99 * std
 }
 
-/// What is left of the half-widths of the 95 % intervals of a law whose omega lies `above` that of the best: all of them while noise puts
-/// it there in the ordinary run of things, one standard deviation beyond its mean; beyond, what the profile of the likelihood over
-/// all laws leaves, down to nothing where no value of the law is within 1.96^2.
+/// What is left of the half-widths of the 95 % intervals of a law whose omega lies `above` that of the best: all of
+/// them while noise puts it there in the ordinary run of things, one standard deviation beyond its mean; beyond, what
+/// the profile of the likelihood over all laws leaves, down to nothing where no value of the law is within 1.96^2.
 pub fn share_of_interval(above: f64, n_best: usize, n: usize) -> f64 {
     let [mean, std] = of_noise(n_best, n);
     let beyond = (above - mean - std).max(0.0);
@@ -52,9 +53,9 @@ pub struct Part<T> {
     pub of: T,
 }
 
-/// The average of `parts`. Value and standard uncertainty are those of the mixture. The interval holds what counts of those of all laws:
-/// a weight says which of them noise favours today, and quantiles of the mixture hold the truth less often than the true law
-/// by itself does (docs/identification.md, "Law against law").
+/// The average of `parts`. Value and standard uncertainty are those of the mixture. The interval holds what counts of
+/// those of all laws: a weight says which of them noise favours today, and quantiles of the mixture hold the truth less
+/// often than the true law by itself does (docs/identification.md, "Law against law").
 pub fn average(parts: &[Part<Spread>]) -> Spread {
     let value: f64 = parts.iter().map(|part| part.weight * part.of.value).sum();
     let variance: Option<f64> =

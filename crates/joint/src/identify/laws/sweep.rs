@@ -19,8 +19,8 @@ pub struct SweepRow {
 
 /// Fits the unknowns with parameter `index` of the law prescribed at each of `values`.
 ///
-/// When the watch of `problem` ends it, fits that go on end at their best points ([`Fit::cut_short`]), and values whose fit has
-/// no point yet have no row.
+/// When the watch of `problem` ends it, fits that go on end at their best points ([`Fit::cut_short`]), and values whose
+/// fit has no point yet have no row.
 ///
 /// # Errors
 /// See [`FitError`]. Not converging is an outcome.

@@ -1,8 +1,8 @@
 //! Law against law: several laws fitted to the same data and compared (THEORY 11).
 //!
 //! A wrong law can hide under noise in the misfit test, and a comparison still finds it: by `omega + 2 p` (Akaike), by
-//! `omega + p ln n` (Schwarz), and by the residual of instants that were left out. What is asked for is averaged over the laws
-//! that the data do not reject, with Akaike's weights.
+//! `omega + p ln n` (Schwarz), and by the residual of instants that were left out. What is asked for is averaged over
+//! the laws that the data do not reject, with Akaike's weights.
 
 use crate::identify::cases::error::{FitError, wrong};
 use crate::identify::cases::options::FitOptions;
@@ -24,12 +24,13 @@ use crate::io::case::{Intervals, WeightKind};
 use crate::mechanics::cohesive::{CohesiveLaw, LAW_NAMES, Parameter, parameters_by_name};
 use rayon::prelude::*;
 
-/// How far the criterion of Akaike of a law may lie above the least for its other minima to be looked for, and for the objective to be
-/// followed: beyond, nothing of it is averaged.
+/// How far the criterion of Akaike of a law may lie above the least for its other minima to be looked for, and for the
+/// objective to be followed: beyond, nothing of it is averaged.
 const NEAR: f64 = 30.0;
 /// Times that a lower minimum is gone on from.
 const LOOKS: usize = 3;
-/// By how much omega of left-out instants is lower where a law predicts them better: the other is then 5 % as likely, exp(-3).
+/// By how much omega of left-out instants is lower where a law predicts them better: the other is then 5 % as likely,
+/// exp(-3).
 const BETTER: f64 = 6.0;
 /// The reach of the curves beyond that of the best law.
 const BEYOND: f64 = 1.2;
@@ -39,8 +40,8 @@ const BEYOND: f64 = 1.2;
 pub struct Tournament<'a> {
     /// The laws, in the order that was asked for.
     pub laws: Vec<LawFit<'a>>,
-    /// The law with the least `omega + 2 p` among those that are not rejected, or among all when all are; `None` where none can
-    /// be compared.
+    /// The law with the least `omega + 2 p` among those that are not rejected, or among all when all are; `None` where
+    /// none can be compared.
     pub best: Option<usize>,
     /// The laws that the data cannot tell from the best one, itself among them; empty when all are rejected.
     pub alike: Vec<usize>,
@@ -91,8 +92,8 @@ pub struct Score {
 }
 
 impl Score {
-    /// How far it lies above the `best` one without what parameters cost (omega; with an unknown noise `n ln(omega/n)`), and how far
-    /// noise alone puts it.
+    /// How far it lies above the `best` one without what parameters cost (omega; with an unknown noise `n
+    /// ln(omega/n)`), and how far noise alone puts it.
     pub fn above(&self, best: Score) -> (f64, f64) {
         (self.deviance() - best.deviance(), within_noise(best.n_parameters, self.n_parameters))
     }
@@ -212,12 +213,13 @@ pub(crate) fn check_laws<'n>(
     Ok(names)
 }
 
-/// Fits every law called in `names` to the data of `problem`, whose own law is the one that the case starts; it is fitted as the
-/// case says where it is among them. The others start from it. All in parallel; the result does not depend on the threads.
+/// Fits every law called in `names` to the data of `problem`, whose own law is the one that the case starts; it is
+/// fitted as the case says where it is among them. The others start from it. All in parallel; the result does not
+/// depend on the threads.
 ///
 /// # Errors
-/// Names that [`laws_of`] refuses, a law that cannot be started, fewer data than parameters; a covariance without inverse. A
-/// law whose fit fails is a result.
+/// Names that [`laws_of`] refuses, a law that cannot be started, fewer data than parameters; a covariance without
+/// inverse. A law whose fit fails is a result.
 pub fn tournament<'a>(
     problem: &Problem<'a>,
     options: &FitOptions,
@@ -307,12 +309,13 @@ pub fn tournament<'a>(
     Ok(found)
 }
 
-/// Share of what one number measured adds to the objective by which a fit has to get on, see [`TrustRegionOptions::standstill`]: a
-/// comparison of laws, whose objectives noise makes differ by some units, does not depend on more.
+/// Share of what one number measured adds to the objective by which a fit has to get on, see
+/// [`TrustRegionOptions::standstill`]: a comparison of laws, whose objectives noise makes differ by some units, does
+/// not depend on more.
 const STANDSTILL: f64 = 0.01;
 
-/// How each law is fitted: with linear intervals of its parameters, unless the case asks for others, and no further than matters to
-/// a comparison.
+/// How each law is fitted: with linear intervals of its parameters, unless the case asks for others, and no further
+/// than matters to a comparison.
 fn of_tournament(options: &FitOptions, n_data: usize) -> FitOptions {
     let intervals = if options.intervals == Intervals::Auto { Intervals::Linear } else { options.intervals };
     let region = TrustRegionOptions { standstill: STANDSTILL / n_data as f64, ..options.region };
@@ -436,8 +439,8 @@ fn works_of(parameters: &[Parameter], fit: &Fit) -> [Spread; 2] {
     ]
 }
 
-/// The law with the least criterion of Akaike: of those that converged and are not rejected, else of those that converged, else
-/// of all.
+/// The law with the least criterion of Akaike: of those that converged and are not rejected, else of those that
+/// converged, else of all.
 fn best_of(laws: &[LawFit<'_>]) -> Option<usize> {
     let least = |chosen: &dyn Fn(&LawFit<'_>) -> bool| {
         let aic = |k: &usize| laws[*k].score.map_or(f64::INFINITY, |score| score.aic);

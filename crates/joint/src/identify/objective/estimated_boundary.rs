@@ -1,5 +1,5 @@
-//! Prescribed displacements as unknowns beside the parameters, with their covariance (THEORY 7): it removes the bias that noise
-//! of the boundary makes through plasticity.
+//! Prescribed displacements as unknowns beside the parameters, with their covariance (THEORY 7): it removes the bias
+//! that noise of the boundary makes through plasticity.
 
 use crate::identify::FitError;
 use crate::identify::cases::options::FitOptions;
@@ -14,8 +14,8 @@ use crate::mechanics::BoundaryHistory;
 
 /// Linearisations at most.
 const STEPS: usize = 40;
-/// The fit ends when two steps together move every parameter by less than this share of its standard uncertainty, twice in a
-/// row. The kink of the law at zero opening lets Gauss-Newton on thousands of unknowns converge slowly only.
+/// The fit ends when two steps together move every parameter by less than this share of its standard uncertainty, twice
+/// in a row. The kink of the law at zero opening lets Gauss-Newton on thousands of unknowns converge slowly only.
 const SHARE: f64 = 1e-2;
 /// Share of the decrease along the step that a trial has to reach (Armijo).
 const ENOUGH: f64 = 1e-4;
@@ -60,8 +60,8 @@ pub(crate) struct Estimated {
     pub weights: Weights,
 }
 
-/// Gauss-Newton on parameters and prescribed displacements together, the latter eliminated instant by instant, with a line
-/// search on the objective of both.
+/// Gauss-Newton on parameters and prescribed displacements together, the latter eliminated instant by instant, with a
+/// line search on the objective of both.
 pub(crate) fn estimate_boundary(
     problem: &Problem<'_>,
     stage: &mut Stage,

@@ -1,5 +1,5 @@
-//! The load cell: the force on a group of nodes beside the displacements, in the objective or held against the prediction
-//! (THEORY 15).
+//! The load cell: the force on a group of nodes beside the displacements, in the objective or held against the
+//! prediction (THEORY 15).
 
 use crate::identify::cases::error::{FitError, wrong};
 use crate::identify::doubt::remarks;
@@ -51,8 +51,8 @@ impl LoadCell {
     /// What `[force]` and its file say about the load cell of `joint`; `needs_std` where it takes part in a fit.
     ///
     /// # Errors
-    /// A group that there is not, no width, no standard uncertainty where one is needed, numbers that are not above zero, a file
-    /// without a force.
+    /// A group that there is not, no width, no standard uncertainty where one is needed, numbers that are not above
+    /// zero, a file without a force.
     pub fn new(
         joint: &Joint,
         asked: &CaseForce,

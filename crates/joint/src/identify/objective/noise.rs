@@ -29,7 +29,8 @@ pub enum Precision {
         /// Its inverse.
         matrix: Dense,
     },
-    /// Of displacements and, in one more row, a force whose noise has nothing in common with theirs, nor with another instant's.
+    /// Of displacements and, in one more row, a force whose noise has nothing in common with theirs, nor with another
+    /// instant's.
     WithForce {
         /// That of the displacements.
         displacements: Box<Precision>,
@@ -185,8 +186,8 @@ pub struct Noise {
     pub sigma: Option<f64>,
     /// Where it comes from, in words.
     pub source: String,
-    /// Noise that the residual of the images shows over the noise that the uncertainties of the displacements were made with;
-    /// `None` where these are not told apart.
+    /// Noise that the residual of the images shows over the noise that the uncertainties of the displacements were
+    /// made with; `None` where these are not told apart.
     pub ratio: Option<f64>,
 }
 
@@ -207,8 +208,8 @@ impl Noise {
         (1.0 + self.common) * sum / n.max(1) as f64
     }
 
-    /// Noise of all rows at `n_instants` instants, one list for each, that of the common reference among it: mm, or in units
-    /// of `sigma` where that is not known. A seed means the same for ever.
+    /// Noise of all rows at `n_instants` instants, one list for each, that of the common reference among it: mm, or in
+    /// units of `sigma` where that is not known. A seed means the same for ever.
     pub fn draw(&self, n_instants: usize, seed: u64) -> Vec<Vec<f64>> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let n = self.precision.n();

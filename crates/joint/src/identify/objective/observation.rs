@@ -4,8 +4,8 @@ use crate::field::RigidMotion;
 use crate::identify::objective::load_cell::LoadCell;
 use crate::linalg::Dense;
 
-/// What was measured and the fit uses. Rows are displacements (mm), node by node, x then y; the last one, where a load cell takes part,
-/// is its force (N), which stays zero at instants without one.
+/// What was measured and the fit uses. Rows are displacements (mm), node by node, x then y; the last one, where a load
+/// cell takes part, is its force (N), which stays zero at instants without one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
     /// The nodes of the rows: those compared and, where the boundary has noise, the prescribed ones.
@@ -46,8 +46,8 @@ impl Observation {
         self.force.as_ref().map(|_| 2 * self.nodes.len())
     }
 
-    /// A column of rows at the instant number `index` of the border: `of_node` of each node and component, `of_force` of the load cell
-    /// where it has a value then.
+    /// A column of rows at the instant number `index` of the border: `of_node` of each node and component, `of_force`
+    /// of the load cell where it has a value then.
     pub(crate) fn column(
         &self,
         index: usize,

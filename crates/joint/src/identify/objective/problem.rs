@@ -29,9 +29,9 @@ pub struct Problem<'a> {
     pub watch: FitWatch,
 }
 
-/// Solutions of equations that one forward run may take for each instant and for each node pair that can snap; one that the
-/// data can be fitted with takes a tenth of it. A law that is far off (lengths in another unit) snaps pair by pair in every
-/// increment, for hours.
+/// Solutions of equations that one forward run may take for each instant and for each node pair that can snap; one that
+/// the data can be fitted with takes a tenth of it. A law that is far off (lengths in another unit) snaps pair by pair
+/// in every increment, for hours.
 const STEPS: usize = 100;
 
 /// The objective at one set of parameters.
@@ -39,8 +39,8 @@ const STEPS: usize = 100;
 pub struct Evaluation {
     /// The parameters.
     pub x: Vec<f64>,
-    /// Per instant compared: the residual, measured less computed, and its derivative by each scaled unknown (that of the
-    /// computed displacement), mm.
+    /// Per instant compared: the residual, measured less computed, and its derivative by each scaled unknown (that of
+    /// the computed displacement), mm.
     pub blocks: Vec<Dense>,
     /// The forward run.
     pub solution: Solution,
@@ -102,8 +102,8 @@ impl Problem<'_> {
         STEPS * (10 + boundary.instants().len() + model.mesh().pairs().len())
     }
 
-    /// The objective's ingredients at `x` with the prescribed displacements `boundary`; `None` where the law refuses the
-    /// values or the forward model has no solution; or would take too long, or when the fit has to end.
+    /// The objective's ingredients at `x` with the prescribed displacements `boundary`; `None` where the law refuses
+    /// the values or the forward model has no solution; or would take too long, or when the fit has to end.
     ///
     /// # Errors
     /// A boundary of other nodes.
@@ -111,7 +111,8 @@ impl Problem<'_> {
         self.evaluate_unless(x, boundary, &|| self.watch.ended().is_some())
     }
 
-    /// The same at a point that had a solution before, also when the fit has to end: of what was found the rest is wanted.
+    /// The same at a point that had a solution before, also when the fit has to end: of what was found the rest is
+    /// wanted.
     pub(crate) fn evaluate_again(
         &self,
         x: &[f64],

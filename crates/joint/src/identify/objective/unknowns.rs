@@ -9,8 +9,8 @@ pub enum Scale {
     Logarithm,
     /// `z = x / reference`: of those that may be zero.
     Reference(f64),
-    /// `z = ln(1 + (1 + x)/(2 (1 - x)))`: of shares that may be zero and never one. Of the plateau of a trapezoid it is the logarithm
-    /// of what the falling branch needs, so that the end of that law is straight in scaled unknowns.
+    /// `z = ln(1 + (1 + x)/(2 (1 - x)))`: of shares that may be zero and never one. Of the plateau of a trapezoid it is
+    /// the logarithm of what the falling branch needs, so that the end of that law is straight in scaled unknowns.
     Share,
 }
 

@@ -13,12 +13,12 @@ pub enum Weights {
     Inverse(InverseCovariance),
 }
 
-/// `W = P - P T (T^T P T)^-1 T^T P` of THEORY 7 for `P = (I + common 1 1^T)^-1 (x) M` and `T` the derivatives of all rows by
-/// the prescribed displacements of each instant, without forming it.
+/// `W = P - P T (T^T P T)^-1 T^T P` of THEORY 7 for `P = (I + common 1 1^T)^-1 (x) M` and `T` the derivatives of all
+/// rows by the prescribed displacements of each instant, without forming it.
 ///
-/// The noise of the common reference is one more unknown field `e` with its own precision `M/common`: given it the instants
-/// (which a force, in its row, has no part of) are independent, with weights `D_i = M - Q_i Q_i^T`, `Q_i = M T_i L_i^-T`, `L_i L_i^T = T_i^T M T_i`; then
-/// `W = D - D 1 G^-1 1^T D`, `G = M/common + sum D_i`.
+/// The noise of the common reference is one more unknown field `e` with its own precision `M/common`: given it the
+/// instants (which a force, in its row, has no part of) are independent, with weights `D_i = M - Q_i Q_i^T`, `Q_i = M
+/// T_i L_i^-T`, `L_i L_i^T = T_i^T M T_i`; then `W = D - D 1 G^-1 1^T D`, `G = M/common + sum D_i`.
 #[derive(Debug)]
 pub struct InverseCovariance {
     /// `1/sigma^2`, or 1 while sigma is not known.

@@ -13,7 +13,8 @@ pub struct Derived {
     pub value: f64,
 }
 
-/// Peaks and initial stiffnesses of a law; `phi_t`, the work of separation in sliding, of laws that it is no parameter of.
+/// Peaks and initial stiffnesses of a law; `phi_t`, the work of separation in sliding, of laws that it is no parameter
+/// of.
 pub fn derived(law: &dyn CohesiveLaw) -> Vec<Derived> {
     let (peak, tangent) = (law.peak(), law.response(Jump::default()).tangent);
     let mut list = Vec::new();

@@ -21,13 +21,13 @@ pub struct FittedParameter {
     pub std_noise: Option<f64>,
     /// Its change if the elements were half as large.
     pub discretisation: Option<f64>,
-    /// 95 % interval: the root of the sum of all lines of the budget, extended by the bias, see [`crate::identify::interval95`]; `None`
-    /// where it has not two ends.
+    /// 95 % interval: the root of the sum of all lines of the budget, extended by the bias, see
+    /// [`crate::identify::interval95`]; `None` where it has not two ends.
     pub interval95: Option<[f64; 2]>,
     /// Its ends, each for itself: `None` where the data do not bound the parameter on that side.
     pub ends95: [Option<f64>; 2],
-    /// What noise shifts the value by on average (found less true), through kinks and plasticity; the interval is extended
-    /// by it, the value is not moved. `None` where it was not looked for.
+    /// What noise shifts the value by on average (found less true), through kinks and plasticity; the interval is
+    /// extended by it, the value is not moved. `None` where it was not looked for.
     pub bias: Option<f64>,
     /// Standard uncertainty of the bias; `None` where one pair of draws told it.
     pub bias_std: Option<f64>,
@@ -61,8 +61,8 @@ pub struct FittedQuantity {
 }
 
 impl FittedParameter {
-    /// Its standard uncertainty relative to its value, with everything that its interval holds; infinite where that has not two
-    /// ends.
+    /// Its standard uncertainty relative to its value, with everything that its interval holds; infinite where that has
+    /// not two ends.
     pub fn relative_std(&self) -> f64 {
         let std = self.interval95.map_or(f64::INFINITY, |[low, high]| (high - low) / (2.0 * NORMAL_95));
         if self.value == 0.0 && std > 0.0 { f64::INFINITY } else { std / self.value.abs().max(f64::MIN_POSITIVE) }

@@ -164,8 +164,8 @@ fn newton(h: &Dense, b: &[f64], fixed: &[Option<f64>]) -> Option<Vec<f64>> {
     step.iter().all(|s| s.is_finite()).then_some(step)
 }
 
-/// The minimum of the quadratic with the components in `fixed` held and on the faces of `limits`, less those that would hold it
-/// back from inside; `None` where there is none.
+/// The minimum of the quadratic with the components in `fixed` held and on the faces of `limits`, less those that would
+/// hold it back from inside; `None` where there is none.
 fn along(h: &Dense, b: &[f64], fixed: &[Option<f64>], limits: &[&HalfSpace]) -> Option<Vec<f64>> {
     let without = newton(h, b, fixed)?;
     // What a push by each limit moves, the fixed components held.
@@ -196,7 +196,8 @@ fn along(h: &Dense, b: &[f64], fixed: &[Option<f64>], limits: &[&HalfSpace]) -> 
 mod tests {
     use super::*;
 
-    /// The least of `x^2 + y^2 - 4 x - 2 y` beside a line, by hand: the foot of the perpendicular from (2, 1), or the corner of two.
+    /// The least of `x^2 + y^2 - 4 x - 2 y` beside a line, by hand: the foot of the perpendicular from (2, 1), or the
+    /// corner of two.
     #[test]
     fn a_step_beside_limits_ends_on_them_and_leaves_those_that_do_not_hold_it_back() {
         let h = Dense::from_fn(2, 2, |r, c| f64::from(u8::from(r == c)));

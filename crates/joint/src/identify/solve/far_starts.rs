@@ -1,5 +1,5 @@
-//! Further starts of a fit that ended where it hardly can be right: a joint that is torn apart at once, or not at all, has minima of
-//! its own.
+//! Further starts of a fit that ended where it hardly can be right: a joint that is torn apart at once, or not at all,
+//! has minima of its own.
 
 use crate::identify::cases::options::FitOptions;
 use crate::identify::objective::problem::Problem;
@@ -18,9 +18,10 @@ const FACTORS: [[f64; 2]; 6] =
 /// Evaluations that each of them may take before they are compared.
 const EVALUATIONS: usize = 12;
 
-/// Where a fit does better that ended so, with the objective `omega` under `weights` where the noise is `expected` to leave another: on
-/// the way from laws with a third and three times the tractions and jumps of its start. `None` where it needs none (it came to its
-/// end, with a residual that noise may leave), the user chose starts, or none of them leads lower.
+/// Where a fit does better that ended so, with the objective `omega` under `weights` where the noise is `expected` to
+/// leave another: on the way from laws with a third and three times the tractions and jumps of its start. `None` where
+/// it needs none (it came to its end, with a residual that noise may leave), the user chose starts, or none of them
+/// leads lower.
 pub(crate) fn further_start(
     problem: &Problem<'_>,
     options: &FitOptions,
@@ -51,8 +52,8 @@ pub(crate) fn further_start(
     (omega_of(best) < omega).then(|| problem.unknowns.unscaled(&best.z))
 }
 
-/// Factors by which the parameters of a law with minima of its own that shape its corners (its stiffness, numbers without unit) are off
-/// where another minimum is looked for; the second where the first is no law.
+/// Factors by which the parameters of a law with minima of its own that shape its corners (its stiffness, numbers
+/// without unit) are off where another minimum is looked for; the second where the first is no law.
 const SHAPE: [[f64; 2]; 2] = [[3.0, 1.7], [1.0 / 3.0, 1.0 / 1.7]];
 /// Evaluations that the way to another minimum may take.
 const TO_MINIMUM: usize = 30;
@@ -60,8 +61,8 @@ const TO_MINIMUM: usize = 30;
 const ONE: f64 = 0.05;
 
 /// Where else the objective has a minimum, in scaled unknowns with its value, of a law with
-/// [minima of its own](crate::mechanics::cohesive::CohesiveLaw::has_own_minima) fitted at the scaled unknowns `z`; the lowest first.
-/// None of other laws.
+/// [minima of its own](crate::mechanics::cohesive::CohesiveLaw::has_own_minima) fitted at the scaled unknowns `z`; the
+/// lowest first. None of other laws.
 pub(crate) fn other_minima(
     problem: &Problem<'_>,
     options: &FitOptions,
@@ -102,7 +103,8 @@ pub(crate) fn other_minima(
     minima
 }
 
-/// The unknowns at `x` with all tractions of the law times the first factor and all jumps times the second, within their bounds.
+/// The unknowns at `x` with all tractions of the law times the first factor and all jumps times the second, within
+/// their bounds.
 fn scaled_law(unknowns: &Unknowns, x: &[f64], [traction, jump]: [f64; 2]) -> Vec<f64> {
     let value = |(unknown, x): (&crate::identify::objective::unknowns::Unknown, &f64)| {
         let factor = match unknown.parameter.unit {

@@ -84,7 +84,8 @@ pub struct Fit {
     pub budget: Budget,
     /// Values of the result that hardly anything has.
     pub remarks: Vec<Remark>,
-    /// What the intervals rest on: linear theory or the profile likelihood, and a bootstrap; `None` without covariance.
+    /// What the intervals rest on: linear theory or the profile likelihood, and a bootstrap; `None` without
+    /// covariance.
     pub intervals: Option<IntervalBasis>,
     /// What elements half as large would change; `None` where that was not asked for or could not be computed.
     pub refinement: Option<Refinement>,
@@ -527,8 +528,8 @@ fn widen_to_minima(
     }
 }
 
-/// The parameters after one Gauss-Newton step from `x` under the weights of kind `weights`, the boundary as measured: where a
-/// fit near `x` ends, to first order.
+/// The parameters after one Gauss-Newton step from `x` under the weights of kind `weights`, the boundary as measured:
+/// where a fit near `x` ends, to first order.
 ///
 /// # Errors
 /// See [`FitError`].

@@ -1,4 +1,5 @@
-//! Where the fit of a law starts that the case does not start: with the strengths and works of separation of one that it does.
+//! Where the fit of a law starts that the case does not start: with the strengths and works of separation of one that
+//! it does.
 
 use crate::identify::cases::error::{FitError, wrong};
 use crate::identify::objective::unknowns::Unknowns;
@@ -62,8 +63,8 @@ fn value_of(law: &dyn CohesiveLaw, name: &str) -> Option<f64> {
     law.parameters().iter().zip(law.values()).find(|(p, _)| p.name == name).map(|(_, value)| value)
 }
 
-/// The law called `name` with the strengths and works of separation of `like`; `None` where it cannot have them, or there is no
-/// such law.
+/// The law called `name` with the strengths and works of separation of `like`; `None` where it cannot have them, or
+/// there is no such law.
 pub fn law_like(name: &str, like: &dyn CohesiveLaw) -> Option<Box<dyn CohesiveLaw>> {
     if name == like.name() {
         return like.with_values(&like.values()).ok();
@@ -78,7 +79,8 @@ pub fn law_like(name: &str, like: &dyn CohesiveLaw) -> Option<Box<dyn CohesiveLa
         let strong = |t: f64, g: f64| 1.5 * t * t / g;
         2.0_f64.powf(k) * (stiffness[0] * stiffness[1]).sqrt().max(strong(t_n, g_n)).max(strong(t_t, g_t))
     };
-    // Between the pure modes the falling branch may vanish although it does in neither: a stiffer rise leaves more of it.
+    // Between the pure modes the falling branch may vanish although it does in neither: a stiffer rise leaves more of
+    // it.
     let stiffer =
         |values: &dyn Fn(f64) -> Vec<f64>| (0..8).find_map(|k| law_by_name(name, &values(stiff(f64::from(k)))).ok());
     let delta_t = (2.0 / E).sqrt() * g_t / t_t;
@@ -100,8 +102,8 @@ pub fn law_like(name: &str, like: &dyn CohesiveLaw) -> Option<Box<dyn CohesiveLa
     }
 }
 
-/// The unknowns of the law called `name`, started with strengths and works of separation of `like`: all of its parameters but
-/// exponents and shapes that are known beforehand or not at all.
+/// The unknowns of the law called `name`, started with strengths and works of separation of `like`: all of its
+/// parameters but exponents and shapes that are known beforehand or not at all.
 ///
 /// # Errors
 /// No such law; one that cannot be started so.
@@ -141,7 +143,8 @@ mod tests {
                 let unknowns = start_law(to, &*like).unwrap();
                 let found = Character::of(unknowns.law()).unwrap();
                 for mode in 0..2 {
-                    // The exponential laws have one parameter for strength and work of sliding; rounding lowers the peaks of polygons by up to 4 %.
+                    // The exponential laws have one parameter for strength and work of sliding; rounding lowers the
+                    // peaks of polygons by up to 4 %.
                     let one_work = [SmithFerrante::NAME, ExponentialDamage::NAME].contains(&to) && mode == 1;
                     let work = found.works[mode] / wanted.works[mode] - 1.0;
                     assert!(one_work || work.abs() < 5e-3, "{from} to {to}: work {mode} off by {work}");

@@ -9,7 +9,8 @@ use crate::mechanics::BoundaryHistory;
 
 /// Most fits under weights that are made anew. What new weights change falls by a factor of 100 from one to the next.
 const REWEIGHTINGS: usize = 5;
-/// Scaled step at which a fit ends whose weights are made anew afterwards; when new weights change less, the next are the last.
+/// Scaled step at which a fit ends whose weights are made anew afterwards; when new weights change less, the next are
+/// the last.
 pub(crate) const COARSE: f64 = 1e-4;
 
 /// What a stage hands to the next.
@@ -67,7 +68,8 @@ pub(crate) fn run(
     minimise_unless(&unknowns.scaled(start), [&lower, &upper], region, evaluate, limits, ended)
 }
 
-/// Fits under the inverse covariance made at the end of the fit before, until the parameters stand still; gives the weights.
+/// Fits under the inverse covariance made at the end of the fit before, until the parameters stand still; gives the
+/// weights.
 pub(crate) fn reweight(
     problem: &Problem<'_>,
     stage: &mut Stage,

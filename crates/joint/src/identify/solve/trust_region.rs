@@ -27,9 +27,9 @@ pub struct TrustRegionOptions {
     pub first_radius: f64,
     /// Largest radius.
     pub max_radius: f64,
-    /// Share of the objective by which ten evaluations together have to lower it, else the fit has converged too; 0 for none. Far
-    /// below what noise makes of the objective it ends a fit that creeps along a direction of which the data say nothing, or
-    /// that lies on a kink of the law.
+    /// Share of the objective by which ten evaluations together have to lower it, else the fit has converged too; 0
+    /// for none. Far below what noise makes of the objective it ends a fit that creeps along a direction of which
+    /// the data say nothing, or that lies on a kink of the law.
     pub standstill: f64,
 }
 
@@ -131,8 +131,9 @@ fn times(h: &Dense, step: &[f64]) -> Vec<f64> {
     (0..step.len()).map(|r| (0..step.len()).map(|c| h[(r, c)] * step[c]).sum()).collect()
 }
 
-/// What Gauss-Newton leaves out of the second derivatives, learned from the gradients along the way: the structured secant
-/// update of Dennis, Gay and Welsch (ACM TOMS 7, 1981, 348-368) with the condition of Biggs (J. Inst. Maths Applics 19, 1977, 1-12).
+/// What Gauss-Newton leaves out of the second derivatives, learned from the gradients along the way: the structured
+/// secant update of Dennis, Gay and Welsch (ACM TOMS 7, 1981, 348-368) with the condition of Biggs (J. Inst. Maths
+/// Applics 19, 1977, 1-12).
 struct Secant {
     s: Dense,
     in_use: bool,
@@ -228,8 +229,8 @@ fn standstill(omegas: &[f64], options: &TrustRegionOptions) -> Option<String> {
     })
 }
 
-/// The same; `limits` gives the distances of what ends the range of the unknowns beside their bounds, with their derivatives by
-/// the unknowns; where `ended` says how, it ends at the best point so far.
+/// The same; `limits` gives the distances of what ends the range of the unknowns beside their bounds, with their
+/// derivatives by the unknowns; where `ended` says how, it ends at the best point so far.
 pub(crate) fn minimise_unless(
     start: &[f64],
     [lower, upper]: [&[f64]; 2],

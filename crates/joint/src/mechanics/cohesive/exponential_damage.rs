@@ -12,8 +12,9 @@ use super::{
 /// T_n = G_c/delta_c^2 exp(-lambda/delta_c) D_n        T_t = G_c/delta_c^2 exp(-lambda/delta_c) D_t
 /// ```
 ///
-/// Unlike [`super::SmithFerrante`] it has no potential where `beta` is not 1: the work of separation is `G_c` in opening and
-/// `G_c/beta^2` in sliding, and between them it depends on the path. In compression `T_n = G_c/delta_c^2 D_n`.
+/// Unlike [`super::SmithFerrante`] it has no potential where `beta` is not 1: the work of separation is `G_c` in
+/// opening and `G_c/beta^2` in sliding, and between them it depends on the path. In compression `T_n = G_c/delta_c^2
+/// D_n`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExponentialDamage {
     values: [f64; 3],

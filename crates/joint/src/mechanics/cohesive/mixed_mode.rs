@@ -1,4 +1,5 @@
-//! Laws whose traction points along the jump and whose onset and toughness follow the mix of the modes (Camanho and Davila 2002).
+//! Laws whose traction points along the jump and whose onset and toughness follow the mix of the modes (Camanho and
+//! Davila 2002).
 
 use super::dual::Dual;
 use super::secants::{Secants, opening_and_sliding};
@@ -50,7 +51,8 @@ pub const fn table(criterion: MixedModeCriterion) -> [Parameter; 6] {
 }
 
 /// Refuses what no such law can have: values that are not positive, an exponent below one, a falling branch of which
-/// nothing is left in a pure mode or, as `ends` tells (onset, end of the plateau, end, for the shares of the modes), in between.
+/// nothing is left in a pure mode or, as `ends` tells (onset, end of the plateau, end, for the shares of the modes), in
+/// between.
 pub fn check(parameters: &[Parameter], values: &[f64], ends: impl Fn(f64, f64) -> [f64; 3]) -> Result<(), LawError> {
     all_positive(parameters, values)?;
     let wrong = |k: usize, needed| Err(LawError::Parameter { key: parameters[k].key(), value: values[k], needed });
@@ -73,8 +75,9 @@ pub fn check(parameters: &[Parameter], values: &[f64], ends: impl Fn(f64, f64) -
     Ok(())
 }
 
-/// Where the falling branch of such a law vanishes, as [`check`] has it: in the pure modes and at the mix that is nearest to it.
-/// `plateau` is its share where the law has one. With `q = 2 G_c/(K lambda_0^2)` that is where `q = 1 + (1 + s)/(1 - s)/2`.
+/// Where the falling branch of such a law vanishes, as [`check`] has it: in the pure modes and at the mix that is
+/// nearest to it. `plateau` is its share where the law has one. With `q = 2 G_c/(K lambda_0^2)` that is where `q = 1 +
+/// (1 + s)/(1 - s)/2`.
 pub fn limits<const N: usize>(
     criterion: MixedModeCriterion,
     values: [Dual<N>; 6],
@@ -134,9 +137,9 @@ pub struct Corners<const N: usize> {
     pub end: Dual<N>,
 }
 
-/// A traction along the jump that rises with `stiffness`, stays up to the end of the plateau and falls linearly to zero, with
-/// corners rounded such that the work stays; `corners` gives them for the squared shares `c_n^2`, `c_t^2` of the modes. In
-/// compression the stiffness is that of the rise.
+/// A traction along the jump that rises with `stiffness`, stays up to the end of the plateau and falls linearly to
+/// zero, with corners rounded such that the work stays; `corners` gives them for the squared shares `c_n^2`, `c_t^2` of
+/// the modes. In compression the stiffness is that of the rise.
 pub fn rise_and_fall<const N: usize>(
     jump: Jump,
     stiffness: Dual<N>,

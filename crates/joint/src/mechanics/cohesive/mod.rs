@@ -136,13 +136,14 @@ pub trait CohesiveLaw: Debug + Send + Sync {
     /// Largest tractions in pure opening and in pure sliding, MPa.
     fn peak(&self) -> Traction;
 
-    /// Work of separation in pure sliding, N/mm, where it is no parameter but follows from them; `None` where it is one.
+    /// Work of separation in pure sliding, N/mm, where it is no parameter but follows from them; `None` where it is
+    /// one.
     fn sliding_work(&self) -> Option<f64> {
         None
     }
 
-    /// Whether a fit may end in several places that are nearly as good: corners, which make minima where pairs pass them, or parameters
-    /// that stand for each other. What is uncertain about it belongs to the one that was found.
+    /// Whether a fit may end in several places that are nearly as good: corners, which make minima where pairs pass
+    /// them, or parameters that stand for each other. What is uncertain about it belongs to the one that was found.
     fn has_own_minima(&self) -> bool {
         false
     }

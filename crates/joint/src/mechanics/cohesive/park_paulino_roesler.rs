@@ -20,8 +20,8 @@ use super::{
 /// ```
 ///
 /// and the tractions are its slopes while they resist; `delta_n` and `delta_t`, where they end, follow from the largest
-/// tractions. In compression `T_n` is linear with the stiffness at the origin and sliding is pure mode II. Where `phi_n = phi_t` the
-/// derivatives by these two jump for mixes of the modes.
+/// tractions. In compression `T_n` is linear with the stiffness at the origin and sliding is pure mode II. Where `phi_n
+/// = phi_t` the derivatives by these two jump for mixes of the modes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ParkPaulinoRoesler {
     values: [f64; 8],
@@ -40,8 +40,9 @@ struct Mode {
 }
 
 impl Mode {
-    /// From the work of separation, the largest traction, the shape and the share of `end` at which the largest traction lies:
-    /// the traction `work/end (alpha + m) x A1(x)` has its maximum at `x = lambda` and is `strength` there.
+    /// From the work of separation, the largest traction, the shape and the share of `end` at which the largest
+    /// traction lies: the traction `work/end (alpha + m) x A1(x)` has its maximum at `x = lambda` and is `strength`
+    /// there.
     fn new([work, strength, alpha, lambda]: [Number; 4]) -> Self {
         let one = Number::constant(1.0);
         let m = alpha * (alpha - one) * lambda.squared() / (one - alpha * lambda.squared());
@@ -87,11 +88,13 @@ impl ParkPaulinoRoesler {
         Parameter { name: "lambda_t", unit: "1", meaning: "sliding at the largest traction over that of separation" },
     ];
 
-    /// The law with the works of separation `phi_n`, `phi_t` (N/mm), the largest tractions `T_n0`, `T_t0` (MPa), the shapes
-    /// `alpha`, `beta`, 2 or more, and the shares `lambda_n`, `lambda_t` of the jump at the largest traction.
+    /// The law with the works of separation `phi_n`, `phi_t` (N/mm), the largest tractions `T_n0`, `T_t0` (MPa), the
+    /// shapes `alpha`, `beta`, 2 or more, and the shares `lambda_n`, `lambda_t` of the jump at the largest
+    /// traction.
     ///
     /// # Errors
-    /// [`LawError::Parameter`] for the first that is not allowed; `alpha lambda_n^2` and `beta lambda_t^2` are less than one.
+    /// [`LawError::Parameter`] for the first that is not allowed; `alpha lambda_n^2` and `beta lambda_t^2` are less
+    /// than one.
     pub fn new(values: [f64; 8]) -> Result<Self, LawError> {
         all_positive(&Self::PARAMETERS, &values)?;
         for (shape, share) in [(4, 6), (5, 7)] {

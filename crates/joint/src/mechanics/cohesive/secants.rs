@@ -1,11 +1,12 @@
-//! A law as two stiffnesses that depend on the jump: `T_n = S_n D_n`, `T_t = S_t D_t`, and in compression a constant one.
+//! A law as two stiffnesses that depend on the jump: `T_n = S_n D_n`, `T_t = S_t D_t`, and in compression a constant
+//! one.
 
 use super::dual::Dual;
 use super::{CohesiveResponse, CohesiveStiffness, Jump, Traction};
 use nalgebra::Matrix2;
 
-/// The methods of [`super::CohesiveLaw`] that follow from a method `secants` of the law: traction, tangent, derivatives by the
-/// parameters and the secant matrix.
+/// The methods of [`super::CohesiveLaw`] that follow from a method `secants` of the law: traction, tangent, derivatives
+/// by the parameters and the secant matrix.
 macro_rules! answer_by_secants {
     () => {
         fn response(&self, jump: Jump) -> CohesiveResponse {

@@ -46,7 +46,8 @@ impl SmithFerrante {
     }
 }
 
-/// The stiffness that `exp(-lambda/delta_c)` leaves of `G_c/delta_c^2`, `lambda = sqrt(<D_n>^2 + beta^2 D_t^2)`, and the whole one.
+/// The stiffness that `exp(-lambda/delta_c)` leaves of `G_c/delta_c^2`, `lambda = sqrt(<D_n>^2 + beta^2 D_t^2)`, and
+/// the whole one.
 pub(super) fn exponential_stiffness(values: [f64; 3], jump: Jump) -> [Dual<5>; 2] {
     let [g_c, delta_c, beta] = super::variables(values);
     let [opening, sliding] = opening_and_sliding(jump);

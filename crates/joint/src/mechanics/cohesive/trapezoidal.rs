@@ -1,5 +1,5 @@
-//! A trapezoidal law, for adhesives that yield before they soften (Tvergaard and Hutchinson 1992), with the mixed modes of
-//! Camanho and Davila (2002), holonomic and with rounded corners.
+//! A trapezoidal law, for adhesives that yield before they soften (Tvergaard and Hutchinson 1992), with the mixed modes
+//! of Camanho and Davila (2002), holonomic and with rounded corners.
 
 use super::dual::Dual;
 use super::mixed_mode;
@@ -24,10 +24,11 @@ static BENZEGGAGH_KENANE_TABLE: [Parameter; 7] = with_plateau(MixedModeCriterion
 static POWER_TABLE: [Parameter; 7] = with_plateau(MixedModeCriterion::Power);
 
 /// The trapezoidal law. With `lambda = sqrt(<D_n>^2 + D_t^2)` the traction, which points along the jump, grows as
-/// `K lambda` up to the onset `lambda_0` of the bilinear law, stays up to `lambda_p = lambda_0 + s (lambda_f - lambda_0)`, `s` the parameter `plateau`, and
-/// falls linearly to zero at `lambda_f`, where the work is the toughness `G_c` of the mix:
-/// `lambda_f = (2 G_c/(K lambda_0) + s lambda_0)/(1 + s)`. With `s = 0` it is the bilinear law. Compression and rounding are those of
-/// that law: the corners at `lambda_0` and `lambda_p` over a tenth of the onset, that at the end such that the work stays.
+/// `K lambda` up to the onset `lambda_0` of the bilinear law, stays up to `lambda_p = lambda_0 + s (lambda_f -
+/// lambda_0)`, `s` the parameter `plateau`, and falls linearly to zero at `lambda_f`, where the work is the toughness
+/// `G_c` of the mix: `lambda_f = (2 G_c/(K lambda_0) + s lambda_0)/(1 + s)`. With `s = 0` it is the bilinear law.
+/// Compression and rounding are those of that law: the corners at `lambda_0` and `lambda_p` over a tenth of the onset,
+/// that at the end such that the work stays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trapezoidal {
     criterion: MixedModeCriterion,
@@ -53,8 +54,8 @@ impl Trapezoidal {
         criterion.of([&BENZEGGAGH_KENANE_TABLE, &POWER_TABLE])
     }
 
-    /// The law with `K` (MPa/mm), `T_n0`, `T_t0` (MPa), `G_Ic`, `G_IIc` (N/mm), all positive, `eta`, 1 or more, and the share
-    /// `plateau` of what follows the rise, zero or
+    /// The law with `K` (MPa/mm), `T_n0`, `T_t0` (MPa), `G_Ic`, `G_IIc` (N/mm), all positive, `eta`, 1 or more, and the
+    /// share `plateau` of what follows the rise, zero or
     /// more and below one.
     ///
     /// # Errors

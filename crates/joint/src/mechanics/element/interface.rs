@@ -253,7 +253,8 @@ impl Interface {
         (force, stiffness)
     }
 
-    /// The matrix that gives the same forces when multiplied with `u`, from the secants of the law; of small rotations alone.
+    /// The matrix that gives the same forces when multiplied with `u`, from the secants of the law; of small rotations
+    /// alone.
     pub fn secant(&self, law: &dyn CohesiveLaw, u: &ElementVector) -> ElementStiffness {
         let mut stiffness = ElementStiffness::zeros();
         self.for_each(u, |point, jump, b| point.add_stiffness(b, &law.secant(jump), &mut stiffness));
@@ -275,8 +276,9 @@ impl Interface {
 }
 
 impl Turned {
-    /// `T_n d2 jump_n + T_t d2 jump_t`: what the turning of the axes adds to the tangent. With `w` the derivative of the
-    /// angle, `s` that of the logarithm of the length and `a_n`, `a_t` those of `n . d`, `t . d` in axes that stand still,
+    /// `T_n d2 jump_n + T_t d2 jump_t`: what the turning of the axes adds to the tangent. With `w` the derivative of
+    /// the angle, `s` that of the logarithm of the length and `a_n`, `a_t` those of `n . d`, `t . d` in axes that
+    /// stand still,
     ///
     /// ```text
     /// d2 jump_n = -(a_t w + w a_t) - (n . d) w w + (t . d) (w s + s w)

@@ -1,4 +1,5 @@
-//! Bilinear quadrilaterals with 2 x 2 Gauss points, for small strains and unit thickness; rotations small or of any size.
+//! Bilinear quadrilaterals with 2 x 2 Gauss points, for small strains and unit thickness; rotations small or of any
+//! size.
 
 use super::Kinematics;
 use super::{ElementStiffness, ElementVector};
@@ -60,8 +61,8 @@ impl Q4Point {
         }
     }
 
-    /// Adds what the material and the stress itself (the geometric stiffness) resist with; only what is on and right of the
-    /// diagonal blocks.
+    /// Adds what the material and the stress itself (the geometric stiffness) resist with; only what is on and right of
+    /// the diagonal blocks.
     fn add_turned_stiffness(&self, response: &SubstrateResponse, f: &Matrix2<f64>, stiffness: &mut ElementStiffness) {
         let Stress([x, y, shear]) = response.stress;
         let stress = Matrix2::new(x, shear, shear, y) * self.weight;
@@ -126,8 +127,8 @@ pub struct Q4 {
 }
 
 impl Q4 {
-    /// The element with the given corners, counter-clockwise with y up; of a triangle the last one twice. Rotations are small
-    /// or of any size, as `kinematics` says.
+    /// The element with the given corners, counter-clockwise with y up; of a triangle the last one twice. Rotations are
+    /// small or of any size, as `kinematics` says.
     /// `None` when it is inverted, folded, or without area.
     pub fn new(corners: [[f64; 2]; 4], kinematics: Kinematics) -> Option<Self> {
         let geometry = ElementGeometry::new(corners);
@@ -186,7 +187,8 @@ impl Q4 {
         (force, stiffness)
     }
 
-    /// The matrix that gives the same forces when multiplied with `u`, from the secants of the law; of small rotations alone.
+    /// The matrix that gives the same forces when multiplied with `u`, from the secants of the law; of small rotations
+    /// alone.
     pub fn secant(&self, law: &dyn SubstrateLaw, u: &ElementVector) -> ElementStiffness {
         let mut stiffness = ElementStiffness::zeros();
         for point in &self.points {

@@ -63,8 +63,8 @@ impl Model {
         }
     }
 
-    /// The components of nodal forces on the unknowns, with the levers of the last evaluation; without what acts at the points of
-    /// blocks.
+    /// The components of nodal forces on the unknowns, with the levers of the last evaluation; without what acts at the
+    /// points of blocks.
     pub(in crate::mechanics) fn of_unknowns(&self, field: &[[f64; 2]], work: &Work) -> Vec<f64> {
         self.owners.iter().map(|&owner| self.on_owner(owner, field, &work.levers)).collect()
     }
@@ -80,7 +80,8 @@ impl Model {
         residual
     }
 
-    /// Of each block, the forces at its point and its moment over its radius that are not in balance; zero in components that are held.
+    /// Of each block, the forces at its point and its moment over its radius that are not in balance; zero in
+    /// components that are held.
     pub(in crate::mechanics) fn residual_of_blocks(&self, work: &Work) -> Vec<[f64; 3]> {
         let n = self.mesh.nodes().len() as u32;
         let of = |(k, (block, load)): (u32, (&TiedBlock, &[f64; 2]))| {
@@ -122,8 +123,8 @@ impl Model {
         }
     }
 
-    /// Adds values of the unknowns to a nodal field that is a derivative of the displacements, with the levers of the last
-    /// evaluation.
+    /// Adds values of the unknowns to a nodal field that is a derivative of the displacements, with the levers of the
+    /// last evaluation.
     pub(in crate::mechanics) fn add_to_derivative(&self, values: &[f64], work: &Work, field: &mut [[f64; 2]]) {
         self.add_to_nodes(values, 1.0, field);
         for ((block, rigid), levers) in self.blocks.iter().zip(&self.supports.blocks).zip(&work.levers) {
@@ -150,7 +151,8 @@ impl Model {
         self.supports.blocks.iter().map(|block| block.motion(nodes, u, small)).collect()
     }
 
-    /// Displacement of the point of each rigid block under the displacements `u`, mm, in the order of [`Supports::blocks`](crate::mechanics::Supports).
+    /// Displacement of the point of each rigid block under the displacements `u`, mm, in the order of
+    /// [`Supports::blocks`](crate::mechanics::Supports).
     ///
     /// # Panics
     /// When `u` has not one displacement per node.
@@ -178,8 +180,8 @@ impl Model {
         }
     }
 
-    /// Adds what moving the held components of the border by `places` does to its nodes, and to those of blocks, to the derivative
-    /// `field`.
+    /// Adds what moving the held components of the border by `places` does to its nodes, and to those of blocks, to the
+    /// derivative `field`.
     pub(in crate::mechanics) fn add_border_change(&self, places: &[[f64; 2]], field: &mut [[f64; 2]]) {
         for ((&node, held), by) in self.supports.nodes.iter().zip(&self.supports.held).zip(places) {
             (0..2).filter(|&c| held[c]).for_each(|c| field[node as usize][c] += by[c]);
@@ -197,8 +199,8 @@ impl Model {
         nodes.chain(self.motions(u).into_iter().map(|motion| motion.point)).collect()
     }
 
-    /// The rates of [`Model::loaded_places`] where the unknowns change at the rates `values`, the border at `places` and the nodes at
-    /// `field`.
+    /// The rates of [`Model::loaded_places`] where the unknowns change at the rates `values`, the border at `places`
+    /// and the nodes at `field`.
     pub(in crate::mechanics) fn loaded_rates(
         &self,
         loaded: &[u32],
@@ -217,8 +219,8 @@ impl Model {
         loaded.iter().map(|&node| field[node as usize]).chain(blocks.map(of_block)).collect()
     }
 
-    /// The forces that hold the border, N/mm, after an evaluation: at the prescribed nodes, then at the blocks' points; zero in
-    /// components that are not held.
+    /// The forces that hold the border, N/mm, after an evaluation: at the prescribed nodes, then at the blocks' points;
+    /// zero in components that are not held.
     pub(in crate::mechanics) fn holding(&self, work: &Work) -> Vec<[f64; 2]> {
         let at_node = |(&node, held): (&u32, &[bool; 2])| {
             [0, 1].map(|c| if held[c] { work.force[node as usize][c] } else { 0.0 })

@@ -7,8 +7,8 @@ use crate::mechanics::substrate::{EngineeringStrain, Stress, SubstrateLaw, Subst
 use rayon::prelude::*;
 
 impl Model {
-    /// The jump at each node pair ([`JointMesh::pairs`](crate::mechanics::JointMesh::pairs)), mm: where two elements meet, the mean of theirs by
-    /// length.
+    /// The jump at each node pair ([`JointMesh::pairs`](crate::mechanics::JointMesh::pairs)), mm: where two elements
+    /// meet, the mean of theirs by length.
     ///
     /// # Panics
     /// When `u` has not one displacement per node.
@@ -16,8 +16,8 @@ impl Model {
         self.means_of_ends(|element, interface, end| interface.jump(end, &self.gather(element, u)))
     }
 
-    /// The change of the jump at each node pair, to first order, where the displacements `u` change by `by`; where rotations
-    /// are small that is the jump of `by`.
+    /// The change of the jump at each node pair, to first order, where the displacements `u` change by `by`; where
+    /// rotations are small that is the jump of `by`.
     ///
     /// # Panics
     /// When `u` or `by` has not one displacement per node.
@@ -67,7 +67,8 @@ impl Model {
             .collect()
     }
 
-    /// Unit normal of the joint at rest at each node pair, from the lower to the upper strip; its tangent is `(n_y, -n_x)`.
+    /// Unit normal of the joint at rest at each node pair, from the lower to the upper strip; its tangent is `(n_y,
+    /// -n_x)`.
     pub fn pair_normals(&self) -> Vec<[f64; 2]> {
         let mut sums = vec![[0.0; 2]; self.mesh.pairs().len()];
         self.for_each_end(|pair, _, _, end| {
@@ -76,8 +77,8 @@ impl Model {
         sums.into_iter().map(|n| n.map(|v| v / n[0].hypot(n[1]))).collect()
     }
 
-    /// Calls `each` with the number of the pair, the element's number, the element, and the point, for both ends of each
-    /// interface element.
+    /// Calls `each` with the number of the pair, the element's number, the element, and the point, for both ends of
+    /// each interface element.
     fn for_each_end(&self, mut each: impl FnMut(usize, usize, &Interface, &InterfacePoint)) {
         for (k, (interface, pairs)) in self.interfaces.iter().zip(&self.end_pairs).enumerate() {
             for (end, &pair) in interface.ends().iter().zip(pairs) {
@@ -112,7 +113,8 @@ impl Model {
         })
     }
 
-    /// Calls `each` with the corners of the element, its material, the point and the strain there, for every Gauss point of the strips.
+    /// Calls `each` with the corners of the element, its material, the point and the strain there, for every Gauss
+    /// point of the strips.
     pub(in crate::mechanics) fn for_each_point(
         &self,
         u: &[[f64; 2]],
@@ -126,8 +128,8 @@ impl Model {
         }
     }
 
-    /// The stress at the four Gauss points of each element, MPa, in the order (-,-), (+,-), (+,+), (-,+); with finite rotations
-    /// the second Piola-Kirchhoff stress, in the axes of the body at rest.
+    /// The stress at the four Gauss points of each element, MPa, in the order (-,-), (+,-), (+,+), (-,+); with finite
+    /// rotations the second Piola-Kirchhoff stress, in the axes of the body at rest.
     ///
     /// # Panics
     /// When `u` has not one displacement per node.

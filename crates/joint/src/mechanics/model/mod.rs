@@ -44,8 +44,8 @@ pub struct Model {
     supports: Supports,
     /// Per component of each node, its place among the unknowns.
     unknowns: Vec<[u32; 2]>,
-    /// Of each unknown, its node and component; of a block, the number of the block from the number of nodes on, and 0 or 1 for its
-    /// point, 2 for its rotation.
+    /// Of each unknown, its node and component; of a block, the number of the block from the number of nodes on, and 0
+    /// or 1 for its point, 2 for its rotation.
     owners: Vec<(u32, u8)>,
     /// Rigid blocks, and the elements with nodes of theirs.
     blocks: Vec<TiedBlock>,
@@ -217,8 +217,8 @@ impl Model {
     /// A model whose nodes are held by component, or tied to rigid blocks.
     ///
     /// # Errors
-    /// A node that does not exist, one that is held or tied twice, a body that can move freely, another number of materials than of
-    /// groups.
+    /// A node that does not exist, one that is held or tied twice, a body that can move freely, another number of
+    /// materials than of groups.
     pub fn supported(
         mesh: JointMesh,
         materials: Vec<Arc<dyn SubstrateLaw>>,
@@ -355,7 +355,8 @@ impl Model {
         self.owners.len()
     }
 
-    /// Place of a component (0: x, 1: y) of a node among the unknowns; `None` when it is prescribed, or moved by a rigid block.
+    /// Place of a component (0: x, 1: y) of a node among the unknowns; `None` when it is prescribed, or moved by a
+    /// rigid block.
     pub fn unknown(&self, node: usize, component: usize) -> Option<usize> {
         let place = self.unknowns[node][component];
         (place != NONE).then_some(place as usize)
@@ -492,7 +493,8 @@ impl Model {
             return;
         }
         for (block, (rigid, levers)) in self.blocks.iter().zip(self.supports.blocks.iter().zip(&work.levers)) {
-            // The second derivative of a place by the rotation is minus its arm; the lever is the arm turned by 90 degrees.
+            // The second derivative of a place by the rotation is minus its arm; the lever is the arm turned by 90
+            // degrees.
             let along = |(&node, lever): (&u32, &[f64; 2])| {
                 let force = work.force[node as usize];
                 force[1] * lever[0] - force[0] * lever[1]
@@ -639,7 +641,8 @@ impl Model {
         Some(self.interfaces[k].force_by_parameters(law, &self.gather(element, u)))
     }
 
-    /// Derivatives of the nodal forces of an element by each parameter of the material of `group`; none for other elements.
+    /// Derivatives of the nodal forces of an element by each parameter of the material of `group`; none for other
+    /// elements.
     pub(super) fn force_of_by_material(
         &self,
         element: usize,

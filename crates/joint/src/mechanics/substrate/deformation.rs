@@ -1,7 +1,9 @@
-//! Deformation theory of plasticity: what laws have in common whose plastic strain is `3/2 h(q) S`, without history (THEORY 3).
+//! Deformation theory of plasticity: what laws have in common whose plastic strain is `3/2 h(q) S`, without history
+//! (THEORY 3).
 //!
-//! The stress follows from one scalar monotone equation in the equivalent stress `q`. In plane stress elastic and plastic compliance
-//! share the modes `sx + sy`, `sx - sy`, `txy`; in plane strain the deviator is proportional to that of the strain.
+//! The stress follows from one scalar monotone equation in the equivalent stress `q`. In plane stress elastic and
+//! plastic compliance share the modes `sx + sy`, `sx - sy`, `txy`; in plane strain the deviator is proportional to that
+//! of the strain.
 
 use super::{EngineeringStrain, PlaneState, Stress, SubstrateEnergy, SubstrateResponse, SubstrateStiffness, isotropic};
 use nalgebra::Vector3;
@@ -150,7 +152,8 @@ impl Deformation {
         tangent
     }
 
-    /// Derivatives of the stress by `E`, `nu` and the parameters of `h`; `h_by` are those of `h` at fixed `q`, by all of them.
+    /// Derivatives of the stress by `E`, `nu` and the parameters of `h`; `h_by` are those of `h` at fixed `q`, by all
+    /// of them.
     pub fn by_parameters(
         &self,
         strain: EngineeringStrain,
@@ -204,7 +207,8 @@ impl Deformation {
         }
     }
 
-    /// Elastic energy, and plastic work of which `complementary` (`int p dq` of the uniaxial plastic strain `p`) is not done.
+    /// Elastic energy, and plastic work of which `complementary` (`int p dq` of the uniaxial plastic strain `p`) is not
+    /// done.
     pub fn energy(
         &self,
         strain: EngineeringStrain,

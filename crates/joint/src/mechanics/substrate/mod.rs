@@ -168,8 +168,8 @@ pub fn substrate_parameters(name: &str, plane: PlaneState) -> Result<&'static [P
 /// The law called `name` with the given parameter values, in the order of [`substrate_parameters`].
 ///
 /// # Errors
-/// No such law, another number of values, a value that is not allowed; [`SubstrateError::Curve`] for a law that needs more than
-/// numbers ([`Tabulated::new`]).
+/// No such law, another number of values, a value that is not allowed; [`SubstrateError::Curve`] for a law that needs
+/// more than numbers ([`Tabulated::new`]).
 pub fn substrate_by_name(
     name: &str,
     values: &[f64],

@@ -6,8 +6,8 @@ use super::{
 };
 use nalgebra::Matrix3;
 
-/// `stress = T^T Q T strain`: `Q` in the axes of the material, of which 1 lies at `angle` degrees from x towards y, 2 across it in
-/// the plane, and 3 out of it; `T` turns the strain into these axes.
+/// `stress = T^T Q T strain`: `Q` in the axes of the material, of which 1 lies at `angle` degrees from x towards y, 2
+/// across it in the plane, and 3 out of it; `T` turns the strain into these axes.
 ///
 /// `nu_12` is the contraction along 2 by the extension along 1 under a stress along 1, so that `nu_21 = nu_12 E_2/E_1`.
 ///
@@ -68,8 +68,8 @@ impl Orthotropic {
     /// The law with `[E_1, E_2, nu_12, G_12, angle]` (MPa, degrees) and, in plane strain, `E_3, nu_13, nu_23`.
     ///
     /// # Errors
-    /// [`SubstrateError`] for another number of values, moduli that are not above zero, an angle that is no number, ratios with which
-    /// the material would give energy when it is loaded.
+    /// [`SubstrateError`] for another number of values, moduli that are not above zero, an angle that is no number,
+    /// ratios with which the material would give energy when it is loaded.
     pub fn new(values: &[f64], plane: PlaneState) -> Result<Self, SubstrateError> {
         let parameters = Self::parameters_in(plane);
         if values.len() != parameters.len() {

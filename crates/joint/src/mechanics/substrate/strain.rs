@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 /// Small strain in the plane with the **engineering** shear `gamma_xy = 2 eps_xy`, the change of a right angle: what a
 /// stress does work on entry by entry.
 ///
-/// A measured strain ([`TensorStrain`]) has half of that shear. The two convert here and nowhere else; axes stay as they
-/// are.
+/// A measured strain ([`TensorStrain`]) has half of that shear. The two convert here and nowhere else; axes stay as
+/// they are.
 ///
 /// ```
 /// # use quadrille_joint as quadrille;

@@ -10,11 +10,12 @@ use std::sync::Arc;
 /// Share of the strain by which a row of the curve may lie beside what `E` gives: scatter of the elastic part.
 const SCATTER: f64 = 0.02;
 
-/// `eps = (1+nu)/E S + (1-2nu)/E p I + 3/2 (eps_p(q)/q) S`, where `eps_p` is the plastic strain of a uniaxial test at the stress `q`:
-/// that of the rows of a table, between them by a monotone cubic (Fritsch and Carlson 1980), after the last with its slope.
+/// `eps = (1+nu)/E S + (1-2nu)/E p I + 3/2 (eps_p(q)/q) S`, where `eps_p` is the plastic strain of a uniaxial test at
+/// the stress `q`: that of the rows of a table, between them by a monotone cubic (Fritsch and Carlson 1980), after the
+/// last with its slope.
 ///
-/// `curve_factor` multiplies the stresses of the table: its standard uncertainty is that of the curve. `E` moves the elastic part alone;
-/// the plastic strains stay those that the table has with the `E` that it was read with.
+/// `curve_factor` multiplies the stresses of the table: its standard uncertainty is that of the curve. `E` moves the
+/// elastic part alone; the plastic strains stay those that the table has with the `E` that it was read with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tabulated {
     elastic: Deformation,
@@ -125,7 +126,8 @@ impl Tabulated {
         },
     ];
 
-    /// The law with `[E, nu, curve_factor]` and the `curve`: rows of total strain and stress (MPa) of a uniaxial test, both rising.
+    /// The law with `[E, nu, curve_factor]` and the `curve`: rows of total strain and stress (MPa) of a uniaxial test,
+    /// both rising.
     ///
     /// # Errors
     /// [`SubstrateError::Parameter`] for the first that is not allowed, [`SubstrateError::Curve`].
@@ -155,8 +157,8 @@ impl Tabulated {
         Point { q, h, slope: slope - h }
     }
 
-    /// Everything at a strain: the root of `sum_i w_i/(a_i q + c_i p(q))^2 = 1`, whose left side falls. The elastic solution is above it;
-    /// Newton in logarithms, kept in a bracket.
+    /// Everything at a strain: the root of `sum_i w_i/(a_i q + c_i p(q))^2 = 1`, whose left side falls. The elastic
+    /// solution is above it; Newton in logarithms, kept in a bracket.
     fn point(&self, strain: EngineeringStrain) -> Point {
         let Modes { weight, elastic, plastic } = self.elastic.modes(strain);
         let norm = weight[0] + weight[1];

@@ -1,8 +1,9 @@
-//! Cracks found from the residual (docs/correlation.md, section 2.12): lines of elements that do not match, whose two sides part.
+//! Cracks found from the residual (docs/correlation.md, section 2.12): lines of elements that do not match, whose two
+//! sides part.
 //!
-//! A frame is correlated without a cut. Where its marked elements form a line, each side of it is followed up to the line by its own
-//! motion, and the path is where the pixels change from the one to the other. The mesh is then cut along it and the frame correlated
-//! again: it is a crack when it opens.
+//! A frame is correlated without a cut. Where its marked elements form a line, each side of it is followed up to the
+//! line by its own motion, and the path is where the pixels change from the one to the other. The mesh is then cut
+//! along it and the frame correlated again: it is a crack when it opens.
 
 mod lines;
 mod sides;
@@ -26,12 +27,12 @@ const MEASURED_SHARE: f64 = 0.5;
 const SLIDES: f64 = 0.3;
 /// Share of the pieces of a path of an element's length whose sides have to be followed.
 const FOLLOWED: f64 = 0.6;
-/// Beyond its ends a path goes on by so many elements, or this share of its length: an opening that is too small to be seen in the
-/// residual is cut as well.
+/// Beyond its ends a path goes on by so many elements, or this share of its length: an opening that is too small to be
+/// seen in the residual is cut as well.
 const FURTHER: f64 = 4.0;
 const FURTHER_SHARE: f64 = 0.2;
-/// An end this near to the border of its zone goes on to it, in elements, as one whose tip is to be expected beyond; any other stays twice as
-/// far from it.
+/// An end this near to the border of its zone goes on to it, in elements, as one whose tip is to be expected beyond;
+/// any other stays twice as far from it.
 const TO_BORDER: f64 = 2.0;
 /// Where so much is marked that it forms no line, elements that do not follow by this much may, px.
 const WORST_PX: f64 = 0.5;
@@ -113,8 +114,8 @@ pub struct CrackSearch {
     pub marked: usize,
 }
 
-/// Looks for cracks in one deformed image. `correlate` correlates it on other zones: once on `zones`, which are not cut, and once
-/// more when a line was found. Pixels nearer to a path than `guard` px are left out of the second.
+/// Looks for cracks in one deformed image. `correlate` correlates it on other zones: once on `zones`, which are not
+/// cut, and once more when a line was found. Pixels nearer to a path than `guard` px are left out of the second.
 ///
 /// # Errors
 /// Those of `correlate`.
@@ -195,8 +196,8 @@ fn find_worst(uncut: &Measurement<Px>, bad: &[bool]) -> Vec<bool> {
     (0..bad.len()).map(|element| bad[element] && is_worst(element)).collect()
 }
 
-/// How far beyond the first of the places of a path, an element apart, its tip is to be expected, in elements, where the sides are this far
-/// `apart`: the faces of a crack close as the root of the distance from its tip.
+/// How far beyond the first of the places of a path, an element apart, its tip is to be expected, in elements, where
+/// the sides are this far `apart`: the faces of a crack close as the root of the distance from its tip.
 fn tip_beyond(apart: &[Option<f64>]) -> f64 {
     let known: Vec<(usize, f64)> =
         apart.iter().enumerate().filter_map(|(place, apart)| Some((place, (*apart)?))).collect();

@@ -68,7 +68,8 @@ fn beside(line: &[[f64; 2]], at: [f64; 2]) -> Option<[f64; 2]> {
     ((d[0] * tx + d[1] * ty).abs() < 0.5 * found.distance.max(1.0)).then_some([found.along, d[0] * ty - d[1] * tx])
 }
 
-/// The nodes that tell how the specimen moves: measured, and not pulled along by an element that is in the sums and does not match.
+/// The nodes that tell how the specimen moves: measured, and not pulled along by an element that is in the sums and
+/// does not match.
 fn good_nodes(field: &Measurement<Px>) -> Vec<bool> {
     let mut good = field.measured.clone();
     for (nodes, mark) in field.mesh.elements().iter().zip(field.marks.as_deref().unwrap_or_default()) {
@@ -195,7 +196,8 @@ impl Costs {
         values[from..to.max(from)].iter().sum()
     }
 
-    /// Where the border between the sides runs, px across at each place along: the least of what is left, by dynamic programming.
+    /// Where the border between the sides runs, px across at each place along: the least of what is left, by dynamic
+    /// programming.
     fn border(&self) -> Vec<usize> {
         let (n, price) = (self.n_across + 1, STEP_PRICE * self.variance);
         let mut best = vec![0.0; n];
@@ -252,8 +254,8 @@ impl Costs {
     }
 }
 
-/// The pixels within `reach` of a line and some more, row by row: those in the boxes around its pieces, whose number grows with its
-/// length and not with the box around all of it.
+/// The pixels within `reach` of a line and some more, row by row: those in the boxes around its pieces, whose number
+/// grows with its length and not with the box around all of it.
 fn around(line: &[[f64; 2]], reach: f64, image: &Image) -> Vec<[usize; 2]> {
     let mut pixels = Vec::new();
     for piece in line.windows(2) {
