@@ -213,7 +213,7 @@ pub struct CaseCrack {
 pub struct CrackFlags {
     /// Cut the mesh along a crack or joint, px: points along it in order, separated by blanks. An end inside a zone
     /// stays joined, a tip: draw it some elements further than the tip reaches. Writes opening, sliding and tips
-    /// to DIR/quantities. Repeat it for several cracks; 'auto' finds them in the residual of the last frames and
+    /// to DIR/quantities. Repeat it for several cracks; 'auto' (experimental) finds them in the residual of the last frames and
     /// says their paths. Replaces the cracks of the case file.
     #[cfg_attr(
         feature = "cli",
