@@ -59,6 +59,7 @@ use std::path::PathBuf;
 /// # Ok::<(), quadrille::io::case::CaseError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[schemars(description = "Every section that a case file may have.")]
 #[serde(deny_unknown_fields)]
 pub struct CaseFile {
     /// Folder of the case file: relative names in it are relative to this. Not written.

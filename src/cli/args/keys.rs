@@ -27,7 +27,7 @@ const SECTIONS: [(&str, fn() -> Value); 11] = [
 const COMMANDS: [(&[&str], &[&str]); 3] = [
     (&["correlate", "watch"], &["images", "correlation", "zone", "crack"]),
     (&["probe"], &["quantities", "load", "probe", "line", "extensometer", "opening"]),
-    (&["identify", "tournament"], &["fit"]),
+    (&["identify"], &["fit"]),
 ];
 
 /// The section and the key that the option `id` stands for, one of `sections`.

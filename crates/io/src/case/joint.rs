@@ -316,11 +316,10 @@ pub struct CaseFit {
     #[schemars(extend("default" = 1))]
     pub seed: Option<u64>,
     /// Forward runs that one start may take.
-    #[schemars(extend("default" = 100, "x-flag" = "--max-evaluations"))]
+    #[schemars(extend("default" = 100))]
     pub max_evaluations: Option<usize>,
     /// Time after which the fit ends at the best point so far, s; what that costs stands in its verdict. Without it
     /// there is no limit.
-    #[schemars(extend("x-flag" = "--max-seconds"))]
     pub max_seconds: Option<f64>,
     /// Also the profile likelihood of this parameter.
     pub profile: Option<String>,
