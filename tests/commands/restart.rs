@@ -3,7 +3,7 @@
 #![cfg(unix)] // signals
 
 use crate::program;
-use program::process::{assert_same, end, results, signal, start, wait_for_frames};
+use program::process::{assert_same, end, frames_done, results, signal, start, wait_for_frames};
 use program::{Desk, INSIDE, Ran, moved, remarks, speckle};
 use quadrille::field::Status;
 use quadrille::imaging::{Image, Levels, Pixels};
@@ -16,7 +16,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs::{self, OpenOptions};
 use std::process::{Child, Command};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Frames of the series of most tests.
 const N: usize = 24;

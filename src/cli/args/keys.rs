@@ -7,9 +7,12 @@ use crate::io::case::{
 use clap::{Arg, Command};
 use serde_json::Value;
 
+/// Makes the schema of a section.
+type Schema = fn() -> Value;
+
 /// Sections that flags say something of, and their schemas. An option has the name of its key, or `SECTION.KEY` where
 /// another section has the same key.
-const SECTIONS: [(&str, fn() -> Value); 11] = [
+const SECTIONS: [(&str, Schema); 11] = [
     ("images", schema_of::<CaseImages>),
     ("correlation", schema_of::<CaseCorrelation>),
     ("zone", schema_of::<CaseZone>),

@@ -324,7 +324,7 @@ pub fn law_of_case(given: &CaseCohesive) -> Result<(Box<dyn CohesiveLaw>, Kinema
     let parameters = parameters_by_name(model)?;
     let values = values(&given.values, "cohesive", model, parameters, "model, kinematics, quadrature")?;
     let (kinematics, quadrature) = (given.kinematics.unwrap_or_default(), given.quadrature.unwrap_or_default());
-    Ok((law_by_name(model, &values)?, kinematics.into(), quadrature.into()))
+    Ok((law_by_name(model, &values)?, kinematics, quadrature))
 }
 
 /// One material for each group of elements: that of `[substrate.NAME]`, else that of `[substrate]`.
