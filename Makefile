@@ -60,7 +60,7 @@ soak: ## Long and hostile runs: every write that fails, 100 000 frames with kill
 	$(CARGO) build --release --locked
 	scripts/soak.py --output out/soak
 
-package: ## Pack the crate as crates.io would get it, look into it, and compile it from that alone
+package: ## Pack the crates as crates.io would get them, look into them, and compile them from that alone
 	scripts/package.sh
 
 deny: ## Check licences, sources, banned and duplicate crates and advisories (deny.toml), and that the third-party notices are current
