@@ -446,7 +446,7 @@ impl Code {
 /// How the page on remarks begins.
 const HEAD: &str = r#"# Remarks
 
-<!-- Made by `quadrille schema --remarks > docs/remarks.md`; a test compares. -->
+<!-- Made by `quadrille about remarks > docs/remarks.md`; a test compares. -->
 
 What a run has to say about its results. Every remark has a code, which stays when its words change.
 Files hold remarks under the key `remarks`: `summary.json` (of the run and of each frame or instant), `fit.json` and
