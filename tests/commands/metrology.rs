@@ -63,7 +63,6 @@ fn of_size(found: &Metrology, size: usize) -> &SizeResult {
     found.sizes.iter().find(|result| result.element_size_px == size).expect("a size that was asked for")
 }
 
-#[test]
 fn noise_is_measured_in_spite_of_drift_and_change_of_light() {
     let noise = &usual().noise;
     assert_eq!(noise.origin, Origin::StaticImages);
@@ -137,7 +136,6 @@ fn saturated_pixels_and_the_range_of_grey_levels_are_told() {
     assert!(found.advice.hints.iter().any(|hint| hint.contains("saturated at the bright end")));
 }
 
-#[test]
 fn measured_uncertainty_is_the_scatter_of_independent_pairs() {
     // Rendered pairs with noise of their own, correlated: nothing of `metrology` but its result is used.
     for size in [16, 24] {
@@ -168,7 +166,6 @@ fn measured_uncertainty_is_the_scatter_of_independent_pairs() {
     }
 }
 
-#[test]
 fn formula_prediction_and_measurement_agree() {
     let found = usual();
     for result in found.sizes.iter().filter(|result| result.element_size_px >= 12) {
@@ -206,7 +203,6 @@ fn bias_of(found: &Metrology, wanted: Interpolation) -> &Bias {
     found.bias.iter().find(|bias| bias.interpolation == wanted).unwrap()
 }
 
-#[test]
 fn bias_is_that_of_the_texture_and_not_of_the_noise_in_the_image() {
     let clean = speckles(SPECKLE_PX, [0.0; 2], 0.0, 0);
     for interpolation in [Interpolation::Cubic, Interpolation::Quintic] {
@@ -231,7 +227,6 @@ fn bias_is_that_of_the_texture_and_not_of_the_noise_in_the_image() {
     assert!(with > 2.0 * without, "{with} and {without}");
 }
 
-#[test]
 fn resolved_periods_are_those_of_the_theory() {
     for size in [8, 12, 16, 24, 32] {
         let result = of_size(usual(), size);
@@ -518,4 +513,14 @@ fn the_bias_said_of_a_challenge_image_is_that_of_its_displaced_copy() {
             assert!((error[c] - said).abs() < 1e-3, "{interpolation:?}: {error:?}, said {said}");
         }
     }
+}
+
+/// One study takes seconds: all that is asked of it is one test.
+#[test]
+fn one_study_of_an_image_holds_what_each_of_these_says() {
+    noise_is_measured_in_spite_of_drift_and_change_of_light();
+    measured_uncertainty_is_the_scatter_of_independent_pairs();
+    formula_prediction_and_measurement_agree();
+    bias_is_that_of_the_texture_and_not_of_the_noise_in_the_image();
+    resolved_periods_are_those_of_the_theory();
 }

@@ -36,7 +36,6 @@ fn normal_tractions(instant: usize) -> Vec<f64> {
     pairs.filter(|((at, _), _)| x0 <= at[0] && at[0] <= x1).map(|(_, t)| t.normal).collect()
 }
 
-#[test]
 fn small_strains_hold_because_no_strip_turns_by_more_than_a_fiftieth() {
     // The issue's bound; w^2/2 is then 2e-4, below a tenth of the yield strain of 2.5e-3.
     let largest = test().largest_rotation();
@@ -53,7 +52,6 @@ fn small_strains_hold_because_no_strip_turns_by_more_than_a_fiftieth() {
     }
 }
 
-#[test]
 fn the_crack_runs_from_right_to_left_through_the_region_with_compression_ahead() {
     let test = test();
     let front = |instant: usize| {
@@ -79,7 +77,6 @@ fn the_crack_runs_from_right_to_left_through_the_region_with_compression_ahead()
     }
 }
 
-#[test]
 fn both_modes_are_there() {
     // Where only one were, r and delta_t could not be told: sliding beyond that of the largest traction,
     // delta_t/sqrt(2), while T_n acts elsewhere.
@@ -89,7 +86,6 @@ fn both_modes_are_there() {
     assert!(most > 0.030 && most < 0.08, "{most} mm");
 }
 
-#[test]
 fn the_motion_of_a_node_is_its_computed_displacement_with_y_turned_down() {
     let test = test();
     let (mesh, u) = (test.model().mesh(), &test.solution().instants[9].displacement);
@@ -102,7 +98,6 @@ fn the_motion_of_a_node_is_its_computed_displacement_with_y_turned_down() {
     }
 }
 
-#[test]
 fn the_region_is_cut_where_the_zones_lie() {
     let (region, of) = test().region();
     // Twice as fine as 39 x 10 elements of 16 px in each strip.
@@ -113,7 +108,6 @@ fn the_region_is_cut_where_the_zones_lie() {
     assert!(of.iter().zip(region.nodes()).all(|(&old, at)| mesh.nodes()[old as usize] == *at));
 }
 
-#[test]
 fn the_band_is_dark_and_the_strips_are_not() {
     let image = test().image(19).unwrap();
     let [upper, lower] = faces_px();
@@ -268,4 +262,15 @@ fn another_law_has_the_same_strengths_moves_the_joint_otherwise_and_the_case_fil
     assert!(case.contains("\"delta_t\", \"r\"]") && !case.contains("and with this r"), "{case}");
     let refused = quadrille(&["make", "virtual-test", "--law", "linear", "--output", out.to_str().unwrap()]);
     assert!(refused.status.code() == Some(2) && String::from_utf8_lossy(&refused.stderr).contains("trapezoidal-power"));
+}
+
+/// The virtual test takes seconds to make: all that is asked of it is one test.
+#[test]
+fn the_virtual_test_holds_what_each_of_these_says() {
+    small_strains_hold_because_no_strip_turns_by_more_than_a_fiftieth();
+    the_crack_runs_from_right_to_left_through_the_region_with_compression_ahead();
+    both_modes_are_there();
+    the_motion_of_a_node_is_its_computed_displacement_with_y_turned_down();
+    the_region_is_cut_where_the_zones_lie();
+    the_band_is_dark_and_the_strips_are_not();
 }
