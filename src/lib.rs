@@ -63,7 +63,9 @@ struct Guide;
 #[doc = include_str!("../docs/mechanics.md")]
 struct Mechanics;
 
-use quadrille_base::{clock, digest};
+use quadrille_base::clock;
+#[cfg(feature = "report")]
+use quadrille_base::digest;
 #[doc(inline)]
 pub use quadrille_base::{field, imaging, mesh, remark, units};
 #[doc(hidden)]
