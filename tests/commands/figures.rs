@@ -580,33 +580,6 @@ fn hard_cases() -> Vec<(&'static str, Image, Measurement<Px>)> {
 }
 
 #[test]
-fn every_figure_of_every_hard_field_is_whole() {
-    for (name, image, measurement) in hard_cases() {
-        let options = FigureOptions {
-            figures: Figure::ALL.to_vec(),
-            strain_window: StrainWindow::new(3),
-            formats: vec![Format::Png, Format::Svg],
-            line: Some([5.0, 5.0, 100.0, 90.0]),
-            pixel_size: PixelSize::new(0.25),
-            range_grey: Some(200.0),
-            notes: vec!["reference a.tif".into()],
-            ..FigureOptions::default()
-        };
-        let out = folder().join("hard").join(name);
-        let (backdrop, white) = (Backdrop::new(&image, 1), Backdrop::blank(image.width(), image.height(), 1));
-        for backdrop in if name == "free" { vec![&white, &backdrop] } else { vec![&backdrop] } {
-            let files = draw_frame(&out, 3, &measurement, backdrop, None, &options).unwrap();
-            assert_eq!(files.len(), 2 * (16 + 13), "{name}");
-            for file in files.iter().filter(|file| file.extension().is_some_and(|ending| ending == "svg")) {
-                let png = image::open(file.with_extension("png")).unwrap().into_rgb8();
-                let svg = std::fs::read_to_string(file).unwrap();
-                check_drawing(&format!("{name} {}", file.display()), &svg, png.width(), png.height(), png.as_raw());
-            }
-        }
-    }
-}
-
-#[test]
 fn files_are_named_by_frame_and_quantity_and_come_out_the_same_twice() {
     let out = folder().join("named");
     let _ = std::fs::remove_dir_all(&out);
@@ -1052,6 +1025,39 @@ fn figures_for_a_column_are_84_mm_wide_and_keep_what_is_no_matter_of_the_caption
         for told in [&["not converged"][..], if name == "map" { &of_map } else { &[] }].concat() {
             for (look, picture) in [("screen", &screen), ("column", &column), ("slide", &slide)] {
                 assert!(warns(picture) && drawn(picture, told), "{name}, {look}: '{told}' is not drawn");
+            }
+        }
+    }
+}
+
+/// By `make release-check PARTS=thorough`.
+mod thorough {
+    use super::*;
+
+    #[test]
+    #[ignore = "make release-check PARTS=thorough"]
+    fn every_figure_of_every_hard_field_is_whole() {
+        for (name, image, measurement) in hard_cases() {
+            let options = FigureOptions {
+                figures: Figure::ALL.to_vec(),
+                strain_window: StrainWindow::new(3),
+                formats: vec![Format::Png, Format::Svg],
+                line: Some([5.0, 5.0, 100.0, 90.0]),
+                pixel_size: PixelSize::new(0.25),
+                range_grey: Some(200.0),
+                notes: vec!["reference a.tif".into()],
+                ..FigureOptions::default()
+            };
+            let out = folder().join("hard").join(name);
+            let (backdrop, white) = (Backdrop::new(&image, 1), Backdrop::blank(image.width(), image.height(), 1));
+            for backdrop in if name == "free" { vec![&white, &backdrop] } else { vec![&backdrop] } {
+                let files = draw_frame(&out, 3, &measurement, backdrop, None, &options).unwrap();
+                assert_eq!(files.len(), 2 * (16 + 13), "{name}");
+                for file in files.iter().filter(|file| file.extension().is_some_and(|ending| ending == "svg")) {
+                    let png = image::open(file.with_extension("png")).unwrap().into_rgb8();
+                    let svg = std::fs::read_to_string(file).unwrap();
+                    check_drawing(&format!("{name} {}", file.display()), &svg, png.width(), png.height(), png.as_raw());
+                }
             }
         }
     }
