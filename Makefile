@@ -70,9 +70,9 @@ licences: ## Write the third-party notices that the program prints (after a chan
 	scripts/licences.py
 
 check: ## Formatting, lints, documentation: all without a warning
-	$(CARGO) fmt --check
-	$(CARGO) clippy --all-targets --locked -- -D warnings
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --locked
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked
 
 book: ## The book of docs/, in out/book/index.html
 	scripts/prepare.sh --python

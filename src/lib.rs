@@ -38,14 +38,13 @@
 //! ```
 //!
 //! One straight road: images -> [`field::Measurement`] -> [`identify::Fit`] -> [`report`]. Beside it the mechanics of
-//! cohesive joints: displacements of the border -> [`mechanics::Solution`]. Modules know only modules of lower rank
-//! (`tests/layers.rs`): `units`, `clock`, `isa`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`;
-//! `correlate`, `mechanics`; `bench`, `identify`, `metrology`, `virtual_test`; `paper`, `report`; `run`; `cli`.
+//! cohesive joints: displacements of the border -> [`mechanics::Solution`]. Below this crate, which hands on all they
+//! have, are `quadrille-base`, `quadrille-dic`, `quadrille-io` and `quadrille-joint` (ARCHITECTURE.md).
 //!
 //! # Features
 //!
 //! All are on by default; `default-features = false` leaves the correlator, the mechanics and the identification, with
-//! 168 crates instead of 331 (`scripts/check_features.sh` counts them).
+//! 172 crates instead of 336 (`scripts/check_features.sh` counts them).
 //!
 //! - `gpu`: graphics devices (wgpu). Without it [`backend::choice`] knows the CPU alone, and says so.
 //! - `store`: [`io::store`], the fields of a series (zarrs).
