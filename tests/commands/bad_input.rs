@@ -110,7 +110,7 @@ fn an_image_of_one_row_or_one_column_has_no_element() {
         let levels = (0..width * height).map(|at| (at * 37 % 251) as u8).collect();
         desk.image(name, &Image::new(width, height, Pixels::U8(levels)).unwrap());
         let size = format!("{width} x {height} px");
-        desk.correlate(&format!("--output out {name} {name}")).refused(&[name, "no deformed image"]);
+        desk.correlate(&format!("--output out {name} {name}")).refused(&[name, "only a reference image was given"]);
         desk.image("a.png", &moved([0.0, 0.0]));
         desk.correlate(&format!("--output out {name} a.png")).refused(&[name, &size, "no element of 16 px fits"]);
     }
@@ -354,8 +354,8 @@ fn images_that_are_not_there_are_refused_with_the_pattern() {
     let desk = Desk::with_series();
     for (images, wanted) in [
         ("", &["no image is given", "--case"][..]),
-        ("ref.png", &["ref.png", "no deformed image"]),
-        ("--reference ref.png", &["ref.png", "no deformed image"]),
+        ("ref.png", &["ref.png", "only a reference image was given"]),
+        ("--reference ref.png", &["ref.png", "only a reference image was given"]),
         ("ref.png shots/*.tif", &["`shots/*.tif` matches no file", "check the pattern"]),
         ("--reference ref.png *.tiff", &["`*.tiff` matches no file"]),
         ("ref.png a[.png", &["`a[.png` is not a valid pattern"]),

@@ -405,7 +405,7 @@ fn a_glob_that_takes_the_reference_along_does_not_correlate_it_with_itself() {
     let said = ran.stderr.contains("ref.png says that it is") && ran.stderr.contains("correlate --reference ref.png");
     assert!(ran.code == Some(2) && said && !desk.path("first").exists(), "{ran}");
     let ran = desk.correlate("--output alone ref.png");
-    ran.refused(&["ref.png", "no deformed image"]);
+    ran.refused(&["ref.png", "only a reference image was given"]);
 }
 
 #[test]

@@ -587,7 +587,10 @@ fn a_result_that_nothing_has_is_named() {
     assert!(names(&of(10.0, 0.005, 0.005, 4.0)).contains(&"T_t_max".to_owned()));
     // Only the first slope loaded: in one mode, in both.
     let opening = of(20.0, 0.5, 0.05, 0.2);
-    assert!(opening.iter().any(|(name, text)| name == "opening" && text.contains("other mode alone")), "{opening:?}");
+    assert!(
+        opening.iter().any(|(name, text)| name == "opening" && text.contains("inferred from the other mode")),
+        "{opening:?}"
+    );
     let both = of(20.0, 0.5, 1.5, 2.0);
     assert!(
         both.iter().any(|(name, text)| name == "sliding" && text.contains("all else of it is extrapolated")),

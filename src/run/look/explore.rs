@@ -125,7 +125,7 @@ impl Explored<'_> {
             )));
         }
         blocks.push(Block::Text(
-            "Point at the field for its value and standard uncertainty. Profile: drag a line. Gauge: two points, how they part over the frames. \
+            "Point at the field for its value and standard uncertainty. Profile: drag a line. Gauge: pick two points to plot how their distance changes. \
              Keys, once the field was clicked: arrows and space for frames, q for the quantity, v p g m for what the pointer does, + - 0 to zoom."
                 .into(),
         ));

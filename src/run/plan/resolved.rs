@@ -129,7 +129,7 @@ impl Plan {
         };
         let store_only = many && asked.export.is_none() && !matches!(recorded("export"), Some(toml::Value::Array(_)));
         if export.contains(&Export::None) && export.len() > 1 {
-            return Err("--export none stands alone; give csv, vtu, or both".into());
+            return Err("--export none cannot be combined with csv or vtu".into());
         }
         let was_so = |key: &str| recorded(key).is_some_and(|so| so.as_bool() == Some(true));
         let zone_found = was_so("zone_found") && !names_zone(&asked.zones);
@@ -454,7 +454,7 @@ impl Images {
             reference.into_iter().map(|path| Frame { is_page: is_page(&path), path, page: first_page }).collect();
         if frames.is_empty() {
             let name = reference.first().map(Frame::to_string).unwrap_or_default();
-            return Err(format!("{name}: there is no deformed image beside the reference").into());
+            return Err(format!("{name}: only a reference image was given; add at least one deformed image").into());
         }
         Ok(Self { reference, deformed: frames, grows: false, left_out })
     }

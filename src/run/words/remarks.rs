@@ -110,7 +110,7 @@ pub(crate) fn curves_missing(error: &dyn std::error::Error) -> Remark {
 /// `file` came after `last`, although it sorts before it.
 pub(crate) fn frame_late(file: &Path, last: &Path) -> Remark {
     let [file, last] = [file, last].map(|path| path.display().to_string());
-    let text = format!("{file} came after {last}, behind which it stands in the series");
+    let text = format!("{file} arrived after {last}, although its name sorts before it");
     Remark::new(Code::FrameLate, About::File(file), text).with("after", last)
 }
 

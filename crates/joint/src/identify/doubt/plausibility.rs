@@ -105,7 +105,7 @@ pub fn implausible_result(problem: &Problem<'_>, law: &dyn CohesiveLaw) -> Vec<R
             if peak > most.min(LARGEST_TRACTION * material.young()) {
                 let yielding = sigma_0.map_or(String::new(), |s| format!(" and sigma_0 = {s} MPa"));
                 let what = format!(
-                    "{name} = {peak:.4} MPa is a {mode} traction that strips of E = {} MPa{yielding} hardly bear",
+                    "{name} = {peak:.4} MPa is a {mode} traction that exceeds what strips with E = {} MPa{yielding} can plausibly carry",
                     material.young()
                 );
                 found.push(implausible(Code::LawImplausible, name, peak, "MPa", what));
@@ -137,7 +137,7 @@ pub fn implausible_result(problem: &Problem<'_>, law: &dyn CohesiveLaw) -> Vec<R
             let rest = match weak.len() {
                 2 => "only the first slope of the law was loaded, all else of it is extrapolated",
                 _ => {
-                    "of this mode only the first slope was loaded, what the fit says of the rest comes from the other mode alone"
+                    "this mode was only loaded in its initial elastic range; its later part is inferred from the other mode"
                 }
             };
             let what = format!(
