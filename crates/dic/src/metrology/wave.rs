@@ -1,12 +1,12 @@
 //! A picture as a sum of waves, which can be moved by any sub-pixel amount without interpolation.
 
 use crate::imaging::{Image, ImageError, Pixels};
+use quadrille_fourier::num_complex::Complex64;
+use quadrille_fourier::{Fft, double};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
-use rustfft::num_complex::Complex64;
-use rustfft::{Fft, FftPlanner};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -52,9 +52,7 @@ impl WavePicture {
     /// spectrum of the texture, not its exact grey levels.
     pub fn new(image: &Image, noise: f64) -> Self {
         let (width, height) = (image.width(), image.height());
-        let mut planner = FftPlanner::new();
-        let mut pair = |n| [planner.plan_fft_forward(n), planner.plan_fft_inverse(n)];
-        let fft = Transforms { x: pair(width), y: pair(height) };
+        let fft = Transforms { x: double(width), y: double(height) };
         let weights = |n: usize| -> Vec<f64> { (0..n).map(|k| fade(k, n)).collect() };
         let (by_column, by_row) = (weights(width), weights(height));
         let (mut sum, mut squares) = (0.0, 0.0);

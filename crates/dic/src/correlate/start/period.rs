@@ -3,9 +3,9 @@
 
 use crate::imaging::Image;
 use crate::mesh::PixelSet;
+use quadrille_fourier::num_complex::Complex32;
+use quadrille_fourier::{Fft, single};
 use rayon::prelude::*;
-use rustfft::num_complex::Complex32;
-use rustfft::{Fft, FftPlanner};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::sync::Arc;
@@ -105,8 +105,7 @@ fn repeats(image: &Image, zone: &PixelSet, first: [usize; 2], step: usize, windo
         return Vec::new();
     }
     let mean = pixels.iter().map(|p| p.0).sum::<f32>() / count;
-    let mut planner = FftPlanner::new();
-    let (forward, inverse) = (planner.plan_fft_forward(side), planner.plan_fft_inverse(side));
+    let [forward, inverse] = single(side);
     let spread = |value: &dyn Fn(f32, f32) -> Complex32| {
         let mut out = vec![Complex32::default(); side * side];
         for (at, &(grey, inside)) in pixels.iter().enumerate() {

@@ -3,9 +3,9 @@
 
 use crate::backend::GreyMap;
 use crate::mesh::{PixelSet, Roi};
+use quadrille_fourier::num_complex::Complex32;
+use quadrille_fourier::{Fft, single};
 use rayon::prelude::*;
-use rustfft::num_complex::Complex32;
-use rustfft::{Fft, FftPlanner};
 use std::sync::Arc;
 
 /// Side of a tile, px of the coarse level: small enough to stay coherent under 5 degrees of rotation.
@@ -166,8 +166,7 @@ fn tiles(reference: &GreyMap, zone: Roi, pixels: &PixelSet, step: usize) -> Vec<
 }
 
 fn match_tiles(reference: &GreyMap, deformed: &GreyMap, tiles: Vec<Tile>) -> Vec<Match> {
-    let mut planner = FftPlanner::new();
-    let (forward, inverse) = (planner.plan_fft_forward(WINDOW), planner.plan_fft_inverse(WINDOW));
+    let [forward, inverse] = single(WINDOW);
     tiles
         .into_par_iter()
         .filter_map(|(at, size)| match_tile(reference, deformed, at, size, &forward, &inverse))
