@@ -25,7 +25,7 @@ demo: ## From 20 images of a virtual test to the law of its adhesive; results in
 	$(or $(PROGRAM),$(CARGO) run --profile $(or $(PROFILE),release) --locked --) demo --output out/demo
 
 paper: ## Tables and figures of Fedele et al. (2009) done again; in out/paper
-	$(CARGO) run --release --locked -- make paper --overwrite --output out/paper
+	$(CARGO) run --release --locked -p quadrille-testbed -- paper --overwrite --output out/paper
 
 real: ## The first command, no option, on every set of images in the folder DATA=...; a table, results in out/first
 	@test -d "$(DATA)" || { echo "name a folder whose subfolders hold images: make real DATA=folder" >&2; exit 2; }
@@ -79,7 +79,7 @@ book: ## The book of docs/, in out/book/index.html
 	.venv/bin/python scripts/book.py build
 
 bench: ## Run the benchmarks
-	$(CARGO) bench --locked
+	$(CARGO) bench --locked -p quadrille-testbed
 
 results: ## Measure, and write benches/RESULTS.md (ONLY=pairs,kernels: these sections alone; on a quiet machine)
 	scripts/results.py $(if $(ONLY),--only $(ONLY)) $(if $(DATA),--data "$(DATA)")

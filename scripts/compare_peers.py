@@ -15,7 +15,7 @@ no other code writes. The others with the start of Python and their imports.
 
 Repeated (warm): from two arrays in memory to the field, nothing known of the motion, in a process that has done the same once
 before. The Python codes keep one process and have a repetition in every turn. quadrille from its module of Python, given
---python WHEEL (from `make wheel`), likewise; else `quadrille bench`, which makes images of the same texture and field itself and
+--python WHEEL (from `make wheel`), likewise; else `testbed devices`, which makes images of the same texture and field itself and
 in every turn prepares the reference twice and correlates the frame twice in one process: the second times count. The fresh process
 is then the command that the wheel installs, unless --program is given.
 
@@ -319,7 +319,7 @@ class Contest:
         if code == "OpenCorr":
             return lambda: float(self.answer(self.opencorr(out, 2)).split()[1])
         if code == "quadrille" and not self.module:
-            command = [self.programs["quadrille"], "bench", "--size", self.size, "--element-size", ELEMENT, "--runs", 1, "--frames", 1,
+            command = [self.programs["quadrille"].with_name("testbed"), "devices", "--size", self.size, "--element-size", ELEMENT, "--runs", 1, "--frames", 1,
                        "--device", "cpu", "--threads", self.threads, "--json"]
 
             def bench():

@@ -9,7 +9,7 @@
 #     package   what crates.io would get
 #     book      the pages as one book
 #     examples  the examples of the library, run
-#     gate      ratios of the engine's times (benches/report.rs)
+#     gate      ratios of the engine's times (benches/testbed/benches/report.rs)
 #     browser   every page in Chromium
 #     slurm     a cluster of one node
 #     thorough  the tests in modules of that name: more kills, the paper again, every altered shader
@@ -37,7 +37,7 @@ examples() {
     target/ci/examples/pair
     target/ci/examples/series
 }
-gate() { cargo bench "${whole[@]}" --bench report -- gate; }
+gate() { cargo bench "${whole[@]}" -p quadrille-testbed --bench report -- gate; }
 browser() {
     scripts/prepare.sh --chromium
     QUADRILLE_CHROMIUM=require scripts/test.sh "${profile[@]}" --test commands -- view:: studio:: run:: metrology::

@@ -106,9 +106,9 @@ class Bench:
         self.arguments, self.scratch, self.parts = arguments, scratch, []
 
     def program(self):
-        """quadrille, built when it is not given."""
+        """quadrille, built when it is not given, the testbed with it."""
         if not self.arguments.program:
-            subprocess.run(["cargo", "build", "--locked", "--profile", self.arguments.profile], cwd=ROOT, check=True)
+            subprocess.run(["cargo", "build", "--locked", "--profile", self.arguments.profile, "-p", "quadrille", "-p", "quadrille-testbed"], cwd=ROOT, check=True)
             folder = "debug" if self.arguments.profile == "dev" else self.arguments.profile
             self.arguments.program = ROOT / "target" / folder / "quadrille"
         return self.arguments.program.resolve()
@@ -117,17 +117,19 @@ class Bench:
         """The command by which cargo runs a bench or tests."""
         usual = "" if what == "bench" else " --release"
         profile = usual if self.arguments.profile == "release" else f" --profile {self.arguments.profile}"
-        return f"cargo {what} --locked{profile} {rest}"
+        return f"cargo {what} --locked{profile} -p quadrille-testbed {rest}" if what == "bench" else f"cargo {what} --locked{profile} {rest}"
 
     def series(self, device, rest):
         """The command that measures a series, but for its margin."""
-        return f"quadrille bench series --device {device} --folder {self.arguments.folder} --size {rest} --margin "
+        return f"testbed series --device {device} --folder {self.arguments.folder} --size {rest} --margin "
 
     def words(self, command):
         """The words of a command as they are run."""
         words = shlex.split(command)
         if words[0] == "quadrille":
             words[0] = str(self.program())
+        elif words[0] == "testbed":
+            words[0] = str(self.program().with_name("testbed"))
         elif words[0].startswith("scripts/"):
             words[0:1] = [sys.executable, str(ROOT / words[0])]
         return words
@@ -253,7 +255,7 @@ def small(bench):
 
 
 def of_series(measured):
-    """The table of `quadrille bench series --json`, for one or more of them."""
+    """The table of `testbed series --json`, for one or more of them."""
     found = {}
     for one in measured:
         zone = "2 elements inside" if one["margin_elements"] else "to the border"
@@ -307,7 +309,7 @@ def devices(bench):
 
     ns per pixel, fastest of 5, of one core (CPU, software driver) or of the card.
     """
-    command = "quadrille bench --size 1024,2048 --runs 5 --frames 6"
+    command = "testbed devices --size 1024,2048 --runs 5 --frames 6"
     found = {(f"{device['device']}: {one['name']}", f"{size['size_px']}²"): f"{one['ns_per_px']:.3g}"
              for device in bench.json(command)["devices"] for size in device["sizes"] for one in size["passes"]
              if one["name"] in PASSES}
@@ -319,7 +321,7 @@ def card(bench):
 
     By `make results ONLY=card` on a machine that has one; medians of kernels by its clock.
     """
-    command = "quadrille bench --device gpu --size 1024,2048,4096 --runs 9 --frames 60"
+    command = "testbed devices --device gpu --size 1024,2048,4096 --runs 9 --frames 60"
     record = bench.json(command)
     found = {(one["kernel"], f"{size['size_px']}²"): f"{1e3 * one['seconds']['median']:.3g} ({one['dispatches']})"
              for size in record["devices"][0]["sizes"] for one in size["kernels"]}

@@ -38,7 +38,7 @@ def call(program, *words, refused=False):
 
 
 def selected(columns, rows):
-    """The 80 nodes of `quadrille make paper` in the numbers of a correlation of two zones, lower zone first, rows downwards."""
+    """The 80 nodes of `testbed paper` in the numbers of a correlation of two zones, lower zone first, rows downwards."""
     per_row = columns + 1
     per_zone = per_row * (rows + 1)
     thirds = [columns // 3, 2 * columns // 3]

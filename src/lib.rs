@@ -62,7 +62,6 @@ struct Guide;
 #[doc = include_str!("../docs/mechanics.md")]
 struct Mechanics;
 
-use quadrille_base::clock;
 #[cfg(feature = "report")]
 use quadrille_base::digest;
 #[doc(inline)]
@@ -76,12 +75,8 @@ pub use quadrille_io as io;
 #[doc(inline)]
 pub use quadrille_joint::{identify, mechanics};
 
-#[doc(hidden)]
-pub mod bench;
 #[cfg(feature = "cli")]
 pub mod cli;
-#[doc(hidden)]
-pub mod paper;
 #[cfg(feature = "report")]
 pub mod report;
 #[cfg(all(feature = "report", feature = "store"))]

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 mod circles;
 
 /// Ranks of the modules: a module names modules of lower rank only.
-const RANKS: [(&str, u8); 23] = [
+const RANKS: [(&str, u8); 21] = [
     ("units", 0),
     ("clock", 0),
     ("digest", 0),
@@ -23,11 +23,9 @@ const RANKS: [(&str, u8); 23] = [
     ("synth", 4),
     ("correlate", 5),
     ("identify", 6),
-    ("bench", 6),
     ("mechanics", 5),
     ("metrology", 6),
     ("virtual_test", 6),
-    ("paper", 7),
     ("report", 7),
     ("run", 8),
     ("cli", 9),

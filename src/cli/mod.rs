@@ -16,8 +16,6 @@ mod about;
 mod allocator;
 mod animate;
 mod args;
-mod bench;
-mod bench_series;
 mod correlate;
 mod demo;
 mod devices;
@@ -31,8 +29,6 @@ mod identify;
 mod lines;
 mod metrology;
 mod paint;
-mod paper;
-mod paper_text;
 mod probe;
 mod progress;
 mod results;
@@ -56,7 +52,6 @@ use crate::report::Look;
 use crate::run::Outcome;
 use crate::run::words::text::{absolute, chain, plural};
 pub use allocator::Allocator;
-use args::{BenchArgs, BenchWhat};
 use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches};
 use paint::Paint;
@@ -113,8 +108,6 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
         args::Command::Studio(args) => studio::run(&args),
         args::Command::Demo(args) => demo::run(&args, paint),
         args::Command::Metrology(args) => metrology::run(&args),
-        args::Command::Bench(BenchArgs { what: Some(BenchWhat::Series(args)), .. }) => bench_series::run(&args),
-        args::Command::Bench(args) => bench::run(&args),
         args::Command::Simulate(args) => simulate::run(&args, paint),
         args::Command::Identify(args) => identify::run(&args, paint),
         args::Command::Run(args) => run::run(&args, paint),
@@ -138,7 +131,6 @@ fn make(args: &args::MakeArgs) -> Result<Outcome> {
         args::Make::VirtualTest(args) => virtual_test::run(args),
         args::Make::Specimen(args) => specimen::run(args),
         args::Make::Page(args) => draw::run(args),
-        args::Make::Paper(args) => paper::run(args),
     }
 }
 

@@ -19,14 +19,13 @@ pub(super) fn in_words(error: &clap::Error, arguments: &[OsString]) -> String {
 }
 
 /// Commands by the names that they once had, and where each is now.
-const MOVED: [(&str, &str); 13] = [
+const MOVED: [(&str, &str); 12] = [
     ("sweep", "identify --sweep"),
     ("tournament", "identify --tournament"),
     ("synth", "make images"),
     ("virtual", "make virtual-test"),
     ("specimen", "make specimen"),
     ("draw", "make page"),
-    ("paper", "make paper"),
     ("devices", "about devices"),
     ("schema", "about schema"),
     ("completions", "about completions"),
@@ -35,11 +34,18 @@ const MOVED: [(&str, &str); 13] = [
     ("licenses", "about licences"),
 ];
 
+/// Commands that became a program in the sources of quadrille, and their names there.
+const IN_THE_SOURCES: [(&str, &str); 2] = [("bench", "devices"), ("paper", "paper")];
+
 /// A command that has another name now.
 fn moved(error: &clap::Error) -> Option<String> {
     let given = text(error, ContextKind::InvalidSubcommand)?;
-    let (_, now) = MOVED.iter().find(|(before, _)| *before == given)?;
-    Some(format!("{given} is now `quadrille {now}`"))
+    let now_of = |list: &[(&str, &'static str)]| list.iter().find(|(before, _)| *before == given).map(|(_, now)| *now);
+    let in_the_sources = || {
+        now_of(&IN_THE_SOURCES).map(|now| format!("cargo run --release -p quadrille-testbed -- {now}` in its sources"))
+    };
+    let now = now_of(&MOVED).map(|now| format!("quadrille {now}`")).or_else(in_the_sources)?;
+    Some(format!("{given} is now `{now}"))
 }
 
 /// What clap says, on one line: the fault and its tip, without the usage.

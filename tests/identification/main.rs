@@ -24,7 +24,6 @@ mod mechanics_reference;
 mod mechanics_rotation;
 mod mechanics_supports;
 mod mechanics_tests;
-mod paper;
 mod several_tests;
 mod substrates;
 mod sweep_limit;

@@ -1,6 +1,6 @@
 //! What `quadrille make` takes.
 
-use super::shared::{Drawn, Quiet, Results, Threads};
+use super::shared::{Quiet, Results, Threads};
 use super::words::{pair, rectangle, size};
 use crate::mechanics::SpecimenKind;
 use crate::mechanics::cohesive::{ExtendedXuNeedleman, LAW_NAMES};
@@ -32,8 +32,6 @@ pub enum Make {
     Specimen(SpecimenArgs),
     /// A page on which zones, cracks, gauges and a scale are drawn on the image: it writes the case file.
     Page(PageArgs),
-    /// The numerical experiments of Fedele, Raka, Hild and Roux (2009) again: tables and figures.
-    Paper(PaperArgs),
 }
 
 /// A displacement field that `quadrille make images` can make.
@@ -301,24 +299,4 @@ pub struct PageArgs {
     pub output: PathBuf,
     #[command(flatten)]
     pub talk: Quiet,
-}
-
-/// Arguments of `quadrille make paper`.
-#[derive(Debug, Args)]
-#[command(after_help = "Example:\n  quadrille make paper --output out/paper\n\n\
-    It writes table-1 and table-2 as CSV, tables.md, and the figures as PNG and SVG, with their numbers as CSV.\n\n\
-    Exit status: 0 all fits below 2 px of noise converged inside their bounds; 1 some did not; 2 it could not run.")]
-pub struct PaperArgs {
-    #[command(flatten)]
-    pub results: Results,
-    /// Draws of the noise at each level.
-    #[arg(long, value_name = "N", default_value_t = 20, allow_negative_numbers = true)]
-    pub seeds: usize,
-    /// Seed of the first draw, of speckles and of the noise of images.
-    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
-    pub seed: u64,
-    #[command(flatten)]
-    pub threads: Threads,
-    #[command(flatten)]
-    pub drawn: Drawn,
 }

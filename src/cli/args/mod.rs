@@ -5,7 +5,6 @@ mod fields;
 mod groups;
 mod joint;
 mod keys;
-mod machine;
 mod make;
 mod reference;
 mod series;
@@ -18,7 +17,6 @@ pub use fields::*;
 pub use groups::{grouped, short_help};
 pub use joint::*;
 pub use keys::name_flags;
-pub use machine::*;
 pub use make::*;
 pub use reference::command_reference;
 pub use series::*;
@@ -79,8 +77,6 @@ pub enum Command {
     Demo(DemoArgs),
     /// Measure noise, texture, uncertainty and resolution on your own image, and recommend an element size.
     Metrology(MetrologyArgs),
-    /// Measure what correlation costs on the devices of this machine, side by side.
-    Bench(BenchArgs),
     /// Compute the displacements and tractions of a cohesive joint whose border moves as measured.
     Simulate(SimulateArgs),
     /// Find the parameters of the adhesive's law from measured displacements, with their uncertainty; compare laws.

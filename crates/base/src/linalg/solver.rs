@@ -22,7 +22,7 @@ const MAX_ITERATIONS: usize = 60;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SolverChoice {
     /// Block-Jacobi conjugate gradients: on meshes of any size they are faster than to solve with a factor, and nothing
-    /// has to be made first (`cargo bench --bench report -- solvers`).
+    /// has to be made first (`cargo bench -p quadrille-testbed --bench report -- solvers`).
     #[default]
     Iterative,
     /// Sparse Cholesky factor.

@@ -91,6 +91,7 @@ pub struct GpuOptions {
     pub most_lanes: Option<u32>,
     /// Whether there is no device, and every frame ends at once as the first: to measure what the host does. Nothing
     /// is measured then.
+    #[cfg(feature = "testbed")]
     pub instant: bool,
     /// Readbacks after which the device fails, as a lost one would: to test what happens then.
     pub fail_after: Option<usize>,

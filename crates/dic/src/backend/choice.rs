@@ -1,7 +1,7 @@
 //! Which device does the work.
 
 use super::adapter::{AdapterKind, Adapters, GpuAdapter, GpuOptions};
-use super::{BackendError, InstantBackend, OnDevice, cpu::CpuBackend, gpu};
+use super::{BackendError, OnDevice, cpu::CpuBackend, gpu};
 use crate::isa::Isa;
 use std::str::FromStr;
 use thiserror::Error;
@@ -183,7 +183,8 @@ impl Device {
     /// When the graphics device cannot be opened.
     pub fn open<W: OnDevice>(&self, work: W) -> Result<W::Output, BackendError> {
         match &self.adapter {
-            None if self.options.instant => Ok(work.on(InstantBackend::new(self.isa))),
+            #[cfg(feature = "testbed")]
+            None if self.options.instant => Ok(work.on(super::InstantBackend::new(self.isa))),
             None => Ok(work.on(CpuBackend::new(self.isa))),
             Some(adapter) => gpu::open(adapter, &self.options, work),
         }

@@ -1,5 +1,5 @@
 //! A device that takes no time: what is left of a series is what the host does, which no graphics device makes faster.
-//! It measures nothing: `quadrille bench series --device instant` alone takes it.
+//! It measures nothing: `testbed series --device instant` alone takes it.
 
 use super::cpu::{CpuBackend, CpuField, CpuFrame, CpuLevel};
 use super::{

@@ -9,12 +9,14 @@ pub mod gpu;
 #[cfg(not(feature = "gpu"))]
 #[path = "no_gpu.rs"]
 pub mod gpu;
+#[cfg(feature = "testbed")]
 mod instant;
 mod pyramid;
 mod relaxation;
 mod spline;
 mod sums;
 
+#[cfg(feature = "testbed")]
 pub use instant::InstantBackend;
 pub(crate) use relaxation::LONGEST;
 pub(crate) use spline::{at_pixel, taps};

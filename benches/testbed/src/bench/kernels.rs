@@ -2,7 +2,7 @@
 
 use super::passes::Bound;
 use super::times::Spread;
-use crate::backend::check::DeviceCheck;
+use quadrille::backend::check::DeviceCheck;
 use serde::Serialize;
 
 /// What one kernel takes, in one iteration or for one image.

@@ -1,12 +1,12 @@
 //! The images and the mesh that are measured with.
 
 use super::BenchError;
-use crate::backend::KernelOptions;
-use crate::correlate::Options;
-use crate::field::Brightness;
-use crate::imaging::{Image, Interpolation};
-use crate::mesh::{ELEMENT_SHARE, PixelMesh, Roi, Zone};
-use crate::synth::{Accuracy, Motion, RenderOptions, Texture, Translation, exact_at, render};
+use quadrille::backend::KernelOptions;
+use quadrille::correlate::Options;
+use quadrille::field::Brightness;
+use quadrille::imaging::{Image, Interpolation};
+use quadrille::mesh::{ELEMENT_SHARE, PixelMesh, Roi, Zone};
+use quadrille::synth::{Accuracy, Motion, RenderOptions, Texture, Translation, exact_at, render};
 use std::sync::Arc;
 
 /// A synthetic series in memory, 8 bit: sinusoids of 1 px, 0.5 % stretch, 0.2 degrees, growing a little from frame to

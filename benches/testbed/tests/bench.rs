@@ -1,11 +1,47 @@
-//! `quadrille bench`: its figures are there, mean what they say, and hold together.
+//! the program `testbed`: its figures are there, mean what they say, and hold together.
 
-#![cfg(feature = "cli")]
-
-mod program;
-
-use program::*;
 use serde_json::Value;
+use std::path::Path;
+use std::process::Command;
+use tempfile::TempDir;
+
+/// A folder in which the program is run.
+struct Desk(TempDir);
+
+impl Desk {
+    fn new() -> Self {
+        Self(TempDir::new().unwrap())
+    }
+
+    /// Exit status, standard output, standard error of the program with the words of `line`.
+    fn run(&self, line: &str) -> (Option<i32>, String, String) {
+        let program = Path::new(env!("CARGO_BIN_EXE_testbed"));
+        let done = Command::new(program).args(line.split(' ')).current_dir(&self.0).output().unwrap();
+        let [stdout, stderr] = [done.stdout, done.stderr].map(|text| String::from_utf8(text).unwrap());
+        (done.status.code(), stdout, stderr)
+    }
+
+    /// What it prints when all is fine.
+    fn printed(&self, line: &str) -> String {
+        let (code, stdout, stderr) = self.run(line);
+        assert_eq!(code, Some(0), "{line}: {stderr}");
+        stdout
+    }
+
+    /// It refuses the line, with all of `words`.
+    fn refuses(&self, line: &str, words: &[&str]) {
+        let (code, _, stderr) = self.run(line);
+        assert_eq!(code, Some(2), "{line}: {stderr}");
+        assert!(words.iter().all(|word| stderr.contains(word)), "{words:?} in {stderr}");
+    }
+
+    fn files(&self, folder: &str) -> Vec<String> {
+        let listed = std::fs::read_dir(self.0.path().join(folder)).unwrap();
+        let mut names: Vec<String> = listed.map(|file| file.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+}
 
 #[track_caller]
 fn number(value: &Value, what: &str) -> f64 {
@@ -16,17 +52,16 @@ fn number(value: &Value, what: &str) -> f64 {
 
 /// All devices of this machine at two sizes.
 fn measured(desk: &Desk) -> Value {
-    serde_json::from_str(&desk.run("bench --size 128,256 --runs 2 --frames 2 --json --output out").printed()).unwrap()
+    serde_json::from_str(&desk.printed("devices --size 128,256 --runs 2 --frames 2 --json --output out")).unwrap()
 }
 
 #[test]
 fn every_device_has_every_figure_at_every_size() {
     let desk = Desk::new();
     let record = measured(&desk);
-    let adapters: Value = serde_json::from_str(&desk.run("about devices --json").printed()).unwrap();
-    let usable = adapters.as_array().unwrap().iter().filter(|device| device["unusable"].is_null()).count();
+    let usable = quadrille::backend::gpu::adapters().list.iter().filter(|adapter| adapter.unusable.is_none()).count();
     let devices = record["devices"].as_array().unwrap();
-    assert_eq!(devices.len(), usable, "the CPU and every adapter");
+    assert_eq!(devices.len(), 1 + usable, "the CPU and every adapter");
     for device in devices {
         let name = device["device"].as_str().unwrap();
         assert!(number(&device["copy_gb_per_s"], name) > 0.0, "{name}");
@@ -77,13 +112,14 @@ fn every_device_has_every_figure_at_every_size() {
         }
     }
     assert_eq!(desk.files("out"), ["bench.json", "bench.png", "bench.svg"]);
-    assert_eq!(desk.json("out/bench.json"), record);
+    let written = std::fs::read_to_string(desk.0.path().join("out/bench.json")).unwrap();
+    assert_eq!(serde_json::from_str::<Value>(&written).unwrap(), record);
 }
 
 #[test]
 fn the_table_has_a_line_for_every_pass_and_says_what_its_clock_is() {
     let desk = Desk::new();
-    let text = desk.run("bench --device cpu --size 128 --runs 1 --frames 1").printed();
+    let text = desk.printed("devices --device cpu --size 128 --runs 1 --frames 1");
     for words in
         ["processor time of this process", "residual", "iteration", "cold pair", "frames/s", "ns/px", "of copy"]
     {
@@ -95,20 +131,20 @@ fn the_table_has_a_line_for_every_pass_and_says_what_its_clock_is() {
 fn what_cannot_be_measured_is_refused_with_what_can() {
     let desk = Desk::new();
     for (line, words) in [
-        ("bench --size 10", ["10", "64 to 32768 px"]),
-        ("bench --element-size 3", ["3", "4 to 128 px"]),
-        ("bench --size 64 --element-size 64", ["64", "element"]),
-        ("bench --size 64 --device abacus", ["abacus", "no graphics device"]),
+        ("devices --size 10", ["10", "64 to 32768 px"]),
+        ("devices --element-size 3", ["3", "4 to 128 px"]),
+        ("devices --size 64 --element-size 64", ["64", "element"]),
+        ("devices --size 64 --device abacus", ["abacus", "no graphics device"]),
     ] {
-        desk.run(line).refused(&words);
+        desk.refuses(line, &words);
     }
 }
 
 #[test]
 fn a_series_from_its_files_is_measured_against_its_parts() {
     let desk = Desk::new();
-    let line = "bench series --size 192 --frames 6 --runs 2 --device cpu --threads 2 --folder . --json";
-    let measured: Value = serde_json::from_str(&desk.run(line).printed()).unwrap();
+    let line = "series --size 192 --frames 6 --runs 2 --device cpu --threads 2 --folder . --json";
+    let measured: Value = serde_json::from_str(&desk.printed(line)).unwrap();
     let series = measured["series"].as_array().unwrap();
     let formats: Vec<&str> = series.iter().map(|cost| cost["format"].as_str().unwrap()).collect();
     assert_eq!(formats, ["tiff", "png"]);
@@ -131,16 +167,16 @@ fn a_series_from_its_files_is_measured_against_its_parts() {
         }
     }
     assert!(desk.files(".").is_empty(), "nothing is left behind: {:?}", desk.files("."));
-    desk.run("bench series --size 64").refused(&["--size 64", "96 px at least"]);
-    desk.run("bench series --frames 2").refused(&["--frames 2"]);
+    desk.refuses("series --size 64", &["--size 64", "96 px at least"]);
+    desk.refuses("series --frames 2", &["--frames 2"]);
 }
 
 #[test]
 fn a_device_that_takes_no_time_shows_what_the_host_does_and_measures_for_nobody() {
     let desk = Desk::new();
-    let line = "bench series --size 1024 --frames 12 --runs 1 --format tiff --threads 2 --folder . --json --device";
+    let line = "series --size 1024 --frames 12 --runs 1 --format tiff --threads 2 --folder . --json --device";
     let cost = |device: &str| -> Value {
-        let measured: Value = serde_json::from_str(&desk.run(&format!("{line} {device}")).printed()).unwrap();
+        let measured: Value = serde_json::from_str(&desk.printed(&format!("{line} {device}"))).unwrap();
         measured["series"][0].clone()
     };
     let [instant, cpu] = ["instant", "cpu"].map(cost);
@@ -152,6 +188,6 @@ fn a_device_that_takes_no_time_shows_what_the_host_does_and_measures_for_nobody(
     let alone = |of: &Value| number(&of["correlate_alone_s"]["median"], "correlate_alone_s");
     println!("{} of the time on the CPU", alone(&instant) / alone(&cpu));
     assert!(alone(&instant) < 0.9 * alone(&cpu), "{instant} {cpu}");
-    let series = Desk::with_series();
-    series.run("correlate --device instant --output out ref.png a.png").refused(&["no graphics device"]);
+    // To the product it is no device.
+    desk.refuses("devices --device instant", &["no graphics device"]);
 }

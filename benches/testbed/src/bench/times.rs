@@ -1,6 +1,6 @@
 //! Repeated measurements.
 
-use crate::clock::{Elapsed, Stopwatch};
+use quadrille_base::clock::{Elapsed, Stopwatch};
 use serde::Serialize;
 
 /// Seconds of several repetitions.

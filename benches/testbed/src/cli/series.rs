@@ -1,18 +1,18 @@
-//! `quadrille bench series`: what a whole series costs, from image files to the store.
+//! `testbed series`: what a whole series costs, from image files to the store.
 
-use super::args::{BenchSeriesArgs, FileFormat};
-use super::{Outcome, Result, bench, devices, plural, pool, without_doubles};
-use crate::backend::choice::DeviceChoice;
-use crate::backend::gpu::GpuOptions;
-use crate::bench::Spread;
-use crate::clock::{Elapsed, Stopwatch};
-use crate::correlate::{History, Overlap, prepare};
-use crate::field::Status;
-use crate::io::case::{CaseFile, CaseZone};
-use crate::io::images::{read_image, write_image};
-use crate::mesh::{Roi, Zone};
-use crate::run::{Existing, Export, Plan, Ran, Request, RunFolder, Session, run_series};
-use crate::synth::{Accuracy, RenderOptions, Series, Texture};
+use super::args::{FileFormat, SeriesArgs};
+use super::{Outcome, Result, devices, plural, pool, without_doubles};
+use quadrille::backend::choice::DeviceChoice;
+use quadrille::backend::gpu::GpuOptions;
+use quadrille::correlate::{History, Overlap, prepare};
+use quadrille::field::Status;
+use quadrille::io::case::{CaseFile, CaseZone};
+use quadrille::io::images::{read_image, write_image};
+use quadrille::mesh::{Roi, Zone};
+use quadrille::run::{Existing, Export, Plan, Ran, Request, RunFolder, Session, run_series};
+use quadrille::synth::{Accuracy, RenderOptions, Series, Texture};
+use quadrille_base::clock::{Elapsed, Stopwatch};
+use quadrille_testbed::bench::Spread;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 /// Standard deviation of the noise, grey levels: a camera of 8 bit in good light.
 const NOISE: f32 = 1.0;
 
-/// What `--device` takes here alone: see [`crate::backend::InstantBackend`].
+/// What `--device` takes here alone: see [`quadrille::backend::InstantBackend`].
 const INSTANT: &str = "instant";
 
 /// Cores of the workstation whose rate is projected.
@@ -70,13 +70,15 @@ struct Measured {
 }
 
 /// Runs the command.
-pub(super) fn run(args: &BenchSeriesArgs) -> Result<Outcome> {
-    bench::check_element_size(args.element_size)?;
+pub(super) fn run(args: &SeriesArgs) -> Result<Outcome> {
+    devices::check_element_size(args.element_size)?;
     if args.frames < 3 {
         return Err(format!("--frames {} is not a series: give 3 or more", args.frames).into());
     }
     let sizes = without_doubles(&args.size);
-    sizes.iter().try_for_each(|&size| bench::check_size(size, args.element_size, 2 * usize::from(args.margin) + 2))?;
+    sizes
+        .iter()
+        .try_for_each(|&size| devices::check_size(size, args.element_size, 2 * usize::from(args.margin) + 2))?;
     let threads = args.threads.pool()?.current_num_threads();
     let folder = match &args.folder {
         Some(folder) => tempfile::tempdir_in(folder).map_err(|error| format!("{}: {error}", folder.display()))?,
@@ -84,7 +86,7 @@ pub(super) fn run(args: &BenchSeriesArgs) -> Result<Outcome> {
     };
     let mut measured = Measured {
         quadrille: env!("CARGO_PKG_VERSION"),
-        machine: bench::machine(),
+        machine: devices::machine(),
         threads,
         element_size_px: args.element_size,
         noise_grey: NOISE,
@@ -118,7 +120,7 @@ struct Correlated {
 
 /// One series.
 struct Bench<'a> {
-    args: &'a BenchSeriesArgs,
+    args: &'a SeriesArgs,
     size: usize,
     format: FileFormat,
     threads: usize,
@@ -248,7 +250,7 @@ impl Bench<'_> {
         let asked = Request {
             export: Some(vec![Export::None]),
             device: if self.is_instant() { DeviceChoice::Cpu } else { self.args.device.parse()? },
-            gpu: GpuOptions { instant: self.is_instant(), ..devices::options(false) },
+            gpu: GpuOptions { instant: self.is_instant(), ..GpuOptions::default() },
             ..Request::default()
         };
         Ok(Plan::of(&asked, &case)?)

@@ -3,8 +3,8 @@
 use super::scene::{Scene, kernel_options};
 use super::times::{Times, repeat};
 use super::{BenchError, Subject};
-use crate::backend::{Ahead, Backend, BackendError, GreyTransfer};
-use crate::linalg::{BlockMatrix, Pattern, Solver};
+use quadrille::backend::{Ahead, Backend, BackendError, GreyTransfer};
+use quadrille::linalg::{BlockMatrix, Pattern, Solver};
 use serde::Serialize;
 use std::sync::Arc;
 

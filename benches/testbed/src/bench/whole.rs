@@ -3,10 +3,10 @@
 use super::scene::Scene;
 use super::times::{Spread, Times, repeat};
 use super::{BenchError, Subject};
-use crate::backend::Traffic;
-use crate::clock::{Elapsed, Stopwatch};
-use crate::correlate::{Correlation, Correlator, Tracker};
-use crate::field::Status;
+use quadrille::backend::Traffic;
+use quadrille::correlate::{Correlation, Correlator, Tracker};
+use quadrille::field::Status;
+use quadrille_base::clock::{Elapsed, Stopwatch};
 use serde::Serialize;
 
 /// A reference and a deformed image in host memory, nothing known: from there to displacement and uncertainty.

@@ -11,7 +11,6 @@
 use quadrille::backend::Backend;
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::backend::gpu::adapters;
-use quadrille::bench::{Device, Plan, Record, ResidualPass, Scene, Spread, Subject, kernel_options, once, repeat};
 use quadrille::correlate::{Correlation, CorrelationError, Correlator, Options, Start};
 use quadrille::field::Status;
 use quadrille::imaging::Image;
@@ -19,6 +18,9 @@ use quadrille::isa::Isa;
 use quadrille::linalg::{BlockMatrix, Pattern, Solver, SolverChoice, inverse_diagonal, nested_dissection};
 use quadrille::mesh::{Roi, Zone};
 use quadrille::synth::{Accuracy, Motion, RenderOptions, Sinusoids, Texture, Translation, render};
+use quadrille_testbed::bench::{
+    Device, Plan, Record, ResidualPass, Scene, Spread, Subject, kernel_options, once, repeat,
+};
 use std::convert::Infallible;
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -357,7 +359,7 @@ fn solvers() {
     println!();
 }
 
-/// Every device of this machine; the same as `quadrille bench`.
+/// Every device of this machine; the same as `testbed devices`.
 fn devices() {
     let usable = adapters().list.into_iter().filter(|adapter| adapter.unusable.is_none());
     let devices: Vec<_> = [Device::Cpu].into_iter().chain(usable.map(|a| Device::Adapter(Box::new(a)))).collect();

@@ -2,15 +2,15 @@
 
 use super::args::PaperArgs;
 use super::plural;
-use crate::identify::SweepRow;
-use crate::paper::{
+use quadrille::identify::SweepRow;
+use quadrille::virtual_test::PIXEL_MM;
+use quadrille_testbed::paper::{
     BULK, LevelFits, LevelSummary, PUBLISHED_STIFFNESS, REFERENCE_LAW, SWEEP_NOISE_PX, SweepSummary, TABLE_1, TABLE_2,
     Trends, summary, sweep_summary, trends_of_means,
 };
-use crate::virtual_test::PIXEL_MM;
 use std::fmt::Write as _;
 
-/// What `tables.md` of `quadrille make paper` says.
+/// What `tables.md` of `testbed paper` says.
 pub(super) fn markdown(
     args: &PaperArgs,
     table_1: &[(u64, LevelFits)],

@@ -17,18 +17,18 @@ pub use tables::{
     LevelFits, LevelSummary, SweepSummary, Trends, noisy_fits, summary, sweep_summary, sweeps, trends_of_means,
 };
 
-use crate::identify::largest_without_rigid_motion;
-use crate::identify::{
+use quadrille::identify::largest_without_rigid_motion;
+use quadrille::identify::{
     Discretisation, FitOptions, FitWatch, Intervals, Noise, Observation, ObservedInstant, Precision, Problem, Unknowns,
     WeightKind,
 };
-use crate::mechanics::cohesive::ExtendedXuNeedleman;
-use crate::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
-use crate::mechanics::{
+use quadrille::mechanics::cohesive::ExtendedXuNeedleman;
+use quadrille::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
+use quadrille::mechanics::{
     BoundaryHistory, Drives, ForwardOptions, Joint, JointMesh, MeasuredMesh, Model, ModelOptions, Solution,
 };
-use crate::units::Vector;
-use crate::virtual_test::{
+use quadrille::units::Vector;
+use quadrille::virtual_test::{
     ALUMINIUM, BAND_PX, ELEMENT_PX, PIXEL_MM, REGION, SCALE, VirtualOptions, VirtualTest, zones_px,
 };
 use rand_chacha::ChaCha8Rng;

@@ -1,37 +1,36 @@
-//! `quadrille bench`: what correlation costs on the devices of this machine.
+//! `testbed devices`: what correlation costs on the devices of this machine.
 
-use super::args::BenchArgs;
+use super::args::DevicesArgs;
 use super::{Outcome, Result, plural, pool, without_doubles};
-use crate::backend::choice::choose;
-use crate::backend::gpu::{GpuAdapter, adapters};
-use crate::bench::{Device, Plan, Record, SizeCost};
-use crate::report::{Axis, Plot, PlotSeries, Style};
-use crate::run::RunFolder;
+use quadrille::backend::choice::choose;
+use quadrille::backend::gpu::{GpuAdapter, adapters};
+use quadrille::report::{Axis, Plot, PlotSeries, Style};
+use quadrille_testbed::bench::{Device, Plan, Record, SizeCost};
 
 /// Runs the command.
-pub(super) fn run(args: &BenchArgs) -> Result<Outcome> {
+pub(super) fn run(args: &DevicesArgs) -> Result<Outcome> {
     let plan = plan(args)?;
     let pool = pool(args.threads)?;
     let devices = devices(args)?;
-    let folder = args.output.as_deref().map(|path| RunFolder::open(path, true)).transpose()?;
+    args.output.as_deref().map(std::fs::create_dir_all).transpose()?;
     let record = pool.install(|| Record::measure(&devices, plan, machine(), |what| eprintln!("{what}")))?;
     if args.json {
         println!("{}", serde_json::to_string_pretty(&record)?);
     } else {
         print!("{record}");
     }
-    if let Some(folder) = folder {
-        folder.write_json("bench.json", &record)?;
+    if let Some(folder) = &args.output {
+        std::fs::write(folder.join("bench.json"), serde_json::to_string_pretty(&record)?)?;
         let picture = plot(&record).draw()?;
         for name in ["bench.png", "bench.svg"] {
-            picture.save(folder.path().join(name))?;
+            picture.save(folder.join(name))?;
         }
-        eprintln!("numbers and curves in {}: bench.json, .png, .svg", folder.path().display());
+        eprintln!("numbers and curves in {}: bench.json, .png, .svg", folder.display());
     }
     Ok(Outcome::Fine)
 }
 
-fn plan(args: &BenchArgs) -> Result<Plan> {
+fn plan(args: &DevicesArgs) -> Result<Plan> {
     let sizes = without_doubles(&args.size);
     check_element_size(args.element_size)?;
     sizes.iter().try_for_each(|&size| check_size(size, args.element_size, 4))?;
@@ -59,7 +58,7 @@ pub(super) fn check_size(size: usize, element: usize, n: usize) -> Result<()> {
 }
 
 /// The devices that were asked for: all there are unless some are named.
-fn devices(args: &BenchArgs) -> Result<Vec<Device>> {
+fn devices(args: &DevicesArgs) -> Result<Vec<Device>> {
     let found = adapters();
     let adapter = |adapter: &GpuAdapter| Device::Adapter(Box::new(adapter.clone()));
     if args.device.is_empty() {

@@ -7,7 +7,7 @@ use quadrille::identify::{
     Discretisation, Fit, FitOptions, Noise, Observation, ObservedInstant, Precision, Problem, WeightKind, fit, sweep,
     tournament,
 };
-use quadrille::paper::{Experiment, PRESCRIBED_R};
+use quadrille_testbed::paper::{Experiment, PRESCRIBED_R};
 use std::sync::Arc;
 use std::time::Instant;
 

@@ -1,27 +1,32 @@
-//! `quadrille make paper`: the numerical experiments of Fedele, Raka, Hild and Roux (2009) done again.
+//! `testbed paper`: the numerical experiments of Fedele, Raka, Hild and Roux (2009) done again.
 
 use super::args::PaperArgs;
 use super::paper_text::markdown;
-use super::{Outcome, Result, devices, plural, virtual_test};
-use crate::field::{RemoveRigid, remove_rigid};
-use crate::identify::SweepRow;
-use crate::io::joint::write_table;
-use crate::io::run_case::read_run_case;
-use crate::io::store::Store;
-use crate::mechanics::cohesive::{CohesiveLaw, Traction};
-use crate::mechanics::{Joint, Solution};
-use crate::paper::{
+use super::{Outcome, Result, plural};
+use quadrille::field::{RemoveRigid, remove_rigid};
+use quadrille::identify::SweepRow;
+use quadrille::io::joint::write_table;
+use quadrille::io::run_case::read_run_case;
+use quadrille::io::store::Store;
+use quadrille::mechanics::cohesive::{CohesiveLaw, Traction};
+use quadrille::mechanics::{Joint, Solution};
+use quadrille::report::joint::{JointMap, JointProfiles, JointReport};
+use quadrille::report::{Axis, Backdrop, MeshOptions, Picture, Plot, PlotSeries, Style, deformed_mesh};
+use quadrille::run::{Existing, Plan, Request, RunFolder, Session, run_series};
+use quadrille::virtual_test::{VirtualOptions, VirtualTest};
+use quadrille_testbed::paper::{
     Experiment, LEVELS_PX, LevelFits, MEASURED_LAW, PaperError, REFERENCE_LAW, SWEEP_NOISE_PX, noisy_fits, summary,
     sweeps,
 };
-use crate::report::joint::{JointMap, JointProfiles, JointReport};
-use crate::report::{Axis, Backdrop, MeshOptions, Picture, Plot, PlotSeries, Style, deformed_mesh};
-use crate::run::{Existing, FIGURES, Plan, Request, RunFolder, Session, run_series};
-use crate::virtual_test::{VirtualOptions, VirtualTest};
-use std::io::Write as _;
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{BufWriter, Write as _};
+use std::path::Path;
 use std::time::Instant;
 
 const TABLES: &str = "tables.md";
+/// Folder of the figures.
+const FIGURES: &str = "figures";
 /// Most draws.
 const MOST_SEEDS: usize = 1000;
 /// Instants of Figures 8 and 9.
@@ -37,21 +42,20 @@ const MAGNIFY: f64 = 2.0;
 
 /// Runs the command.
 pub(super) fn run(args: &PaperArgs) -> Result<Outcome> {
-    args.drawn.choose();
+    args.style.choose();
     if !(1..=MOST_SEEDS).contains(&args.seeds) {
         return Err(PaperError::Seeds { seeds: args.seeds, most: MOST_SEEDS }.into());
     }
-    if args.results.output.join(TABLES).exists() && !args.results.overwrite {
-        let path = args.results.output.display();
+    if args.output.join(TABLES).exists() && !args.overwrite {
+        let path = args.output.display();
         return Err(format!(
             "{path}: holds the results of another run; choose another --output folder, or replace them with --overwrite"
         )
         .into());
     }
     let pool = args.threads.pool()?;
-    let folder = RunFolder::for_export(&args.results.output)?;
-    folder.make(FIGURES)?;
-    let out = Output { folder, begin: Instant::now() };
+    fs::create_dir_all(args.output.join(FIGURES))?;
+    let out = Output { folder: &args.output, begin: Instant::now() };
 
     out.say("a larger joint is pulled apart in the computer, adhesive with r = 6");
     let [phi_n, delta_n, delta_t] = REFERENCE_LAW;
@@ -61,7 +65,7 @@ pub(super) fn run(args: &PaperArgs) -> Result<Outcome> {
     pool.install(|| mechanics_figures(&out, &six))?;
     out.say("the virtual test, r = 4, and its images");
     let test = pool.install(|| VirtualTest::new(with_r(4.0)))?;
-    virtual_test::make(&test, &args.results.output.join("virtual"), &pool)?;
+    make_virtual_test(&test, &args.output.join("virtual"))?;
     let four = pool.install(|| Experiment::of(&test))?;
 
     let mut table_1 = Vec::new();
@@ -91,29 +95,39 @@ pub(super) fn run(args: &PaperArgs) -> Result<Outcome> {
     let talk = image_figures(&out, &test, args)?;
 
     let text = markdown(args, &table_1, &clean, &noisy, talk);
-    out.folder.write(TABLES, |file| file.write_all(text.as_bytes()))?;
+    fs::write(args.output.join(TABLES), &text)?;
     let mut stdout = std::io::stdout().lock();
     // A reader that has gone away wants no more.
     let _ = stdout.write_all(text.as_bytes());
-    out.say(&format!("tables and figures in {}", args.results.output.display()));
+    out.say(&format!("tables and figures in {}", args.output.display()));
     // Under noise a draw whose fit runs to a bound is a result of the experiment, which the table counts.
     let fine = |level: &LevelFits| level.s_px > 0.0 || summary(level).inside == level.fits.len();
     Ok(if table_1.iter().all(|(_, level)| fine(level)) { Outcome::Fine } else { Outcome::Incomplete })
 }
 
+/// Writes the virtual test as `quadrille make virtual-test` does.
+fn make_virtual_test(test: &VirtualTest, folder: &Path) -> Result<()> {
+    let seed = test.options().seed.to_string();
+    let words = ["quadrille", "make", "virtual-test", "--overwrite", "--seed", &seed, "--output"].map(OsString::from);
+    match quadrille::cli::main_of(words.into_iter().chain([folder.into()])) {
+        0 => Ok(()),
+        _ => Err("the virtual test could not be made".into()),
+    }
+}
+
 /// Where results go, and what is said meanwhile.
-struct Output {
-    folder: RunFolder,
+struct Output<'a> {
+    folder: &'a Path,
     begin: Instant,
 }
 
-impl Output {
+impl Output<'_> {
     fn say(&self, line: &str) {
         eprintln!("{:6.1} s  {line}", self.begin.elapsed().as_secs_f64());
     }
 
     fn save(&self, name: &str, picture: &Picture) -> Result<()> {
-        let path = self.folder.path().join(FIGURES);
+        let path = self.folder.join(FIGURES);
         picture.save(path.join(format!("{name}.png")))?;
         Ok(picture.save(path.join(format!("{name}.svg")))?)
     }
@@ -124,12 +138,14 @@ impl Output {
             format!("{what}; mm, MPa, N/mm; y up; instants from 1"),
         ];
         let columns: Vec<String> = columns.iter().map(|&name| name.to_owned()).collect();
-        Ok(self.folder.write(name, |out| write_table(out, &notes, &columns, rows.into_iter()))?)
+        let mut out = BufWriter::new(File::create(self.folder.join(name))?);
+        write_table(&mut out, &notes, &columns, rows.into_iter())?;
+        Ok(out.flush()?)
     }
 }
 
 /// Figures 7 (mesh; coarse and fine profiles), 8 (deformed meshes) and 9 (sensitivities).
-fn mechanics_figures(out: &Output, experiment: &Experiment) -> Result<()> {
+fn mechanics_figures(out: &Output<'_>, experiment: &Experiment) -> Result<()> {
     let (joint, solution) = (experiment.joint(), experiment.truth());
     let mesh = joint.model.mesh();
     let mut chosen = vec![0.0; mesh.nodes().len()];
@@ -212,7 +228,7 @@ fn tractions_of(
     (along, joint.model.tractions(law, &solution.instants[instant - 1].displacement))
 }
 
-fn write_table_1(out: &Output, table: &[(u64, LevelFits)]) -> Result<()> {
+fn write_table_1(out: &Output<'_>, table: &[(u64, LevelFits)]) -> Result<()> {
     let mut rows = Vec::new();
     for (r, level) in table {
         for (seed, fit) in &level.fits {
@@ -239,7 +255,7 @@ fn write_table_1(out: &Output, table: &[(u64, LevelFits)]) -> Result<()> {
 }
 
 /// Figure 10: the objective against the iteration at each level of noise.
-fn figure_10(out: &Output, levels: &[&LevelFits]) -> Result<()> {
+fn figure_10(out: &Output<'_>, levels: &[&LevelFits]) -> Result<()> {
     let (mut series, mut rows) = (Vec::new(), Vec::new());
     for level in levels {
         let Some((seed, fit)) = level.fits.first() else { continue };
@@ -261,7 +277,7 @@ fn figure_10(out: &Output, levels: &[&LevelFits]) -> Result<()> {
     out.table("figure-10.csv", "objective against iteration, r = 6", &["iteration", "seed", "s_px", "omega"], rows)
 }
 
-fn write_table_2(out: &Output, sweeps: &[(u64, Vec<SweepRow>)]) -> Result<()> {
+fn write_table_2(out: &Output<'_>, sweeps: &[(u64, Vec<SweepRow>)]) -> Result<()> {
     let mut rows = Vec::new();
     for (seed, of_seed) in sweeps {
         for row in of_seed {
@@ -287,7 +303,7 @@ fn write_table_2(out: &Output, sweeps: &[(u64, Vec<SweepRow>)]) -> Result<()> {
 }
 
 /// Figures 11 and 12, and the mode mixity, of the fits with r prescribed.
-fn traction_figures(out: &Output, joint: &Joint, sweep: &[SweepRow]) -> Result<()> {
+fn traction_figures(out: &Output<'_>, joint: &Joint, sweep: &[SweepRow]) -> Result<()> {
     let mut rows = Vec::new();
     let mut of = Vec::new();
     for row in sweep {
@@ -369,11 +385,11 @@ fn traction_figures(out: &Output, joint: &Joint, sweep: &[SweepRow]) -> Result<(
 
 /// Figures 4 and 5: images and measured meshes without the rigid motion. Gives the number of frames that were
 /// correlated, and the root mean square of measured less true displacement, px.
-fn image_figures(out: &Output, test: &VirtualTest, args: &PaperArgs) -> Result<(usize, f64)> {
-    let root = &args.results.output;
+fn image_figures(out: &Output<'_>, test: &VirtualTest, args: &PaperArgs) -> Result<(usize, f64)> {
+    let root = &args.output;
     let case = read_run_case(&root.join("virtual").join("case.toml"))?;
     let correlation = root.join("correlation");
-    let plan = Plan::of(&Request { gpu: devices::options(false), ..Request::default() }, &case.correlation)?;
+    let plan = Plan::of(&Request { ..Request::default() }, &case.correlation)?;
     let session = Session::new(Existing::Replace);
     run_series(&plan, &RunFolder::open(&correlation, true)?, &args.threads.pool()?, session, &mut |_| ())?;
     let store = Store::open(&correlation)?;

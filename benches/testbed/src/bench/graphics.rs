@@ -7,14 +7,14 @@ use super::scene::{Scene, kernel_options};
 use super::times::{Spread, repeat};
 use super::whole::Share;
 use super::{BenchError, COPIED, Clock, Subject, copy_rate_of_core};
-use crate::backend::check::DeviceCheck;
-use crate::backend::gpu::{
+use quadrille::backend::check::DeviceCheck;
+use quadrille::backend::gpu::{
     AdapterKind, Extent, GpuAdapter, GpuBackend, GpuOptions, KERNELS, Kernel, Noted, Part, Timing, Work,
 };
-use crate::backend::{Backend, BackendError, KernelOptions};
-use crate::clock::{Elapsed, Stopwatch};
-use crate::correlate::Correlator;
-use crate::imaging::Image;
+use quadrille::backend::{Backend, BackendError, KernelOptions};
+use quadrille::correlate::Correlator;
+use quadrille::imaging::Image;
+use quadrille_base::clock::{Elapsed, Stopwatch};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

@@ -1,12 +1,10 @@
-//! The paper done again: what `quadrille make paper` has to find, small.
+//! The paper done again: what `testbed paper` has to find, small.
 
-#![cfg(feature = "cli")]
-
-use quadrille::paper::{
+use quadrille::virtual_test::PIXEL_MM;
+use quadrille_testbed::paper::{
     Experiment, MEASURED_LAW, PaperError, REFERENCE_LAW, SWEEP_NOISE_PX, TABLE_2, noisy_fits, summary, sweep_summary,
     sweeps,
 };
-use quadrille::virtual_test::PIXEL_MM;
 use std::process::Command;
 use std::sync::OnceLock;
 
@@ -95,8 +93,8 @@ mod thorough {
         let folder = tempfile::tempdir().unwrap();
         let output = folder.path().join("paper");
         let run = |seeds: &str| {
-            Command::new(env!("CARGO_BIN_EXE_quadrille"))
-                .args(["make", "paper", "--seeds", seeds, "--output"])
+            Command::new(env!("CARGO_BIN_EXE_testbed"))
+                .args(["paper", "--seeds", seeds, "--output"])
                 .arg(&output)
                 .output()
                 .unwrap()

@@ -1,10 +1,10 @@
 //! Why an experiment of the paper cannot be done.
 
-use crate::identify::FitError;
-use crate::mechanics::cohesive::LawError;
-use crate::mechanics::substrate::SubstrateError;
-use crate::mechanics::{BoundaryFault, MeshFault, ModelError};
-use crate::virtual_test::VirtualError;
+use quadrille::identify::FitError;
+use quadrille::mechanics::cohesive::LawError;
+use quadrille::mechanics::substrate::SubstrateError;
+use quadrille::mechanics::{BoundaryFault, MeshFault, ModelError};
+use quadrille::virtual_test::VirtualError;
 use thiserror::Error;
 
 /// Why an experiment of the paper cannot be done.

@@ -1,10 +1,6 @@
 //! What correlation costs on a device: single passes and kernels, a cold pair, a series. `docs/performance.md` says
 //! how to read the numbers. Measures and returns; the command line and `benches/` print.
 
-#[cfg(feature = "gpu")]
-mod graphics;
-#[cfg(not(feature = "gpu"))]
-#[path = "no_graphics.rs"]
 mod graphics;
 mod kernels;
 mod measured;
@@ -23,13 +19,13 @@ pub use scene::{Scene, kernel_options};
 pub use times::{Spread, Times, once, repeat};
 pub use whole::{PairCost, SeriesCost, Share, pair_cost, series_cost};
 
-use crate::backend::cpu::CpuBackend;
-use crate::backend::{Backend, BackendError, KernelOptions};
-use crate::clock::Elapsed;
-use crate::correlate::CorrelationError;
-use crate::imaging::Image;
-use crate::mesh::MeshError;
-use crate::synth::SynthError;
+use quadrille::backend::cpu::CpuBackend;
+use quadrille::backend::{Backend, BackendError, KernelOptions};
+use quadrille::correlate::CorrelationError;
+use quadrille::imaging::Image;
+use quadrille::mesh::MeshError;
+use quadrille::synth::SynthError;
+use quadrille_base::clock::Elapsed;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::Arc;
@@ -157,7 +153,7 @@ fn copy_rate_of_core() -> f64 {
     let mut copy =
         || to.par_chunks_mut(PIECE).zip(from.par_chunks(PIECE)).for_each(|(to, from)| to.copy_from_slice(from));
     let times = (0..4).map(|_| {
-        let watch = crate::clock::Stopwatch::start();
+        let watch = quadrille_base::clock::Stopwatch::start();
         copy();
         watch.elapsed().cpu_s
     });

@@ -2,7 +2,7 @@
 
 use super::published::PRESCRIBED_R;
 use super::{Experiment, PaperError};
-use crate::identify::{Fit, FitStatus, SweepRow, fit, sweep};
+use quadrille::identify::{Fit, FitStatus, SweepRow, fit, sweep};
 use rayon::prelude::*;
 
 /// Place of `r` among the parameters of the law.

@@ -2,8 +2,8 @@
 
 use super::measured::{DeviceRecord, Measured, opened};
 use super::{BenchError, Plan, Scene, graphics};
-use crate::backend::cpu::CpuBackend;
-use crate::backend::gpu::GpuAdapter;
+use quadrille::backend::cpu::CpuBackend;
+use quadrille::backend::gpu::GpuAdapter;
 use serde::Serialize;
 
 /// A device to be measured.
