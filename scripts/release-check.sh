@@ -9,6 +9,7 @@
 #     package   what crates.io would get
 #     book      the pages as one book
 #     examples  the examples of the library, run
+#     testbed   the tests of benches/testbed: figures of the benches, the paper again
 #     gate      ratios of the engine's times (benches/testbed/benches/report.rs)
 #     browser   every page in Chromium
 #     slurm     a cluster of one node
@@ -24,7 +25,7 @@ profile=(--profile ci)
 whole=(--locked --workspace "${profile[@]}")
 export QUADRILLE_GPU=${QUADRILLE_GPU:-require}
 parts=("$@")
-[ ${#parts[@]} -gt 0 ] || parts=(deny features package book examples gate browser slurm thorough fuzz drivers wheel miri)
+[ ${#parts[@]} -gt 0 ] || parts=(deny features package book examples testbed gate browser slurm thorough fuzz drivers wheel miri)
 
 deny() { scripts/prepare.sh --deny && scripts/deny.sh; }
 features() { scripts/check_features.sh "${profile[@]}"; }
@@ -37,7 +38,8 @@ examples() {
     target/ci/examples/pair
     target/ci/examples/series
 }
-gate() { cargo bench "${whole[@]}" -p quadrille-testbed --bench report -- gate; }
+testbed() { cargo test --locked "${profile[@]}" -p quadrille-testbed --tests; }
+gate() { cargo bench --locked "${profile[@]}" -p quadrille-testbed --bench report -- gate; }
 browser() {
     scripts/prepare.sh --chromium
     QUADRILLE_CHROMIUM=require scripts/test.sh "${profile[@]}" --test commands -- view:: studio:: run:: metrology::

@@ -216,11 +216,6 @@ fn the_tutorial_of_ones_own_test_can_be_followed() {
 }
 
 #[test]
-fn the_tutorial_of_a_joint_can_be_followed() {
-    drop(follow("joint.md"));
-}
-
-#[test]
 fn the_tutorial_of_a_large_series_can_be_followed() {
     drop(follow("large-series.md"));
 }
@@ -272,4 +267,15 @@ fn pages_that_are_to_be_read_at_once_are_short() {
     let is_word = |word: &&str| word.contains(char::is_alphanumeric);
     let words = text("benches/RESULTS.md").split_whitespace().filter(is_word).count();
     assert!(words <= 1500, "benches/RESULTS.md has {words} words; 1500 is the most");
+}
+
+/// By `make release-check PARTS=thorough`.
+mod thorough {
+    use super::*;
+
+    #[test]
+    #[ignore = "make release-check PARTS=thorough"]
+    fn the_tutorial_of_a_joint_can_be_followed() {
+        drop(follow("joint.md"));
+    }
 }

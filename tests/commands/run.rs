@@ -513,12 +513,6 @@ fn demo(words: &[&str], out: &Path) -> (Value, String) {
     (demo, said)
 }
 
-#[test]
-fn the_demo_closes_with_what_was_found_its_interval_and_the_truth() {
-    let folder = tempfile::tempdir().unwrap();
-    demo(&[], &folder.path().join("demo"));
-}
-
 /// By `make release-check PARTS=thorough`.
 mod thorough {
     use super::*;
