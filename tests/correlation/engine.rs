@@ -3,8 +3,8 @@
 
 use crate::common;
 use common::*;
+use quadrille::backend::GreyTransfer;
 use quadrille::backend::cpu::CpuBackend;
-use quadrille::backend::{GreyTransfer, InstantBackend};
 use quadrille::correlate::{Correlation, CorrelationError, History, Options, Start, StartUsed, TextureFault, Tracker};
 use quadrille::field::{Brightness, Measurement, StartFrom, Status};
 use quadrille::imaging::{Image, Interpolation};
@@ -862,30 +862,4 @@ fn a_series_survives_jumps_and_a_corrupt_frame() {
         // Both are within the tolerance of the solution.
         assert!(difference <= 2.0 * Options::default().tolerance_px, "{difference} px");
     }
-}
-
-// ---- What is left of a series on the fastest of devices -----------------------------------------------
-
-#[test]
-fn a_device_that_takes_no_time_says_so_and_answers_every_prediction_as_the_first() {
-    const SIDE: usize = 256;
-    let reference = picture(&REST, &eight_bit(SIDE, SIDE));
-    let [first, second] = [1.3, 1.9].map(|x| picture(&Translation([x, -0.4]), &eight_bit(SIDE, SIDE)));
-    let on = |backend: InstantBackend| prepared_on(backend, &reference, &whole(SIDE, SIDE), Options::default());
-    let correlator = on(InstantBackend::new(Isa::detect()));
-    assert!(correlator.device().contains("nothing is measured"), "{}", correlator.device());
-    let cpu = prepared(&reference, &whole(SIDE, SIDE), Options::default());
-    let start = beside(&cold(&cpu, &first), [0.1, 0.0]);
-    let from = |image: &Arc<Image>| correlator.correlate(image.clone(), Some(&start)).unwrap();
-    // The first that begins at a prediction is measured: the same bits as on the CPU.
-    let want = cpu.correlate(first.clone(), Some(&start)).unwrap();
-    let measured = from(&first);
-    assert_eq!(bits(&measured), bits(&want));
-    assert!(measured.iterations > 1);
-    // What comes after it is not, whatever the image shows.
-    let answered = from(&second);
-    assert_eq!(answered.measurement.displacement, measured.measurement.displacement);
-    assert_eq!((answered.iterations, answered.measurement.status), (measured.iterations, Status::Converged));
-    let apart = largest_difference(&cold(&cpu, &second).measurement.displacement, &answered.measurement.displacement);
-    assert!(apart > 0.5, "{apart} px: the second image shows something else");
 }

@@ -31,6 +31,7 @@ mod splines;
 mod strain;
 mod strain_gauges;
 mod strain_window;
+mod stretch;
 mod synth;
 mod uncertainty;
 mod which_reference;

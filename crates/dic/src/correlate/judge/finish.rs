@@ -10,6 +10,7 @@ use crate::correlate::noise::misfit::{Look, Residuals};
 use crate::correlate::noise::model_error::{self, model_error};
 use crate::correlate::noise::noise_correlation::factors;
 use crate::correlate::noise::noise_model::{Elements, PhotonNoise};
+use crate::correlate::noise::stretch::DeformationGradient;
 use crate::correlate::noise::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::correlate::prepare::gradient_noise::OfElement;
 use crate::correlate::prepare::level::Level;
@@ -371,11 +372,12 @@ impl<B: Backend> Correlator<B> {
     /// Measures what each zone has found, and gives the `measured` nodes their standard uncertainties. A node without a
     /// finite one is not measured.
     fn measure_zones(&self, of: &Ended<'_, B>, matches: &[f64], measured: Vec<bool>) -> Measured {
-        let Ended { outcome, light, sums: last, spread, by_grey, photon_noise } = of;
+        let Ended { light, sums: last, spread, by_grey, photon_noise, .. } = of;
         let (mesh, transfers, displacement) = (by_grey.mesh, by_grey.transfer, by_grey.displacement);
         let (sigma, zones) = (vec![[0.0; 2]; mesh.n_nodes()], Vec::new());
         let (freedom_left, of_pair) = (Vec::new(), Vec::new());
         let mut made = Measured { sigma, measured, zones, freedom_left, of_pair, nodes_at_bound: 0 };
+        let gradients = DeformationGradient::of_nodes(mesh, displacement);
         for (zone, name) in mesh.zones().iter().enumerate() {
             let nodes = mesh.zone_nodes(zone);
             let sums = &last[zone];
@@ -404,7 +406,7 @@ impl<B: Backend> Correlator<B> {
                 let at = [0, 1].map(|c| spread.at(node, c, gain.lambda(noise)));
                 made.nodes_at_bound += usize::from(at.iter().any(|at| at.at_bound));
                 let variances = [0, 1].map(|c| gain.variance(noise, at[c], c));
-                made.sigma[node] = outcome.turn.variances(variances).map(f64::sqrt);
+                made.sigma[node] = gradients[node].variances(variances).map(f64::sqrt);
             }
             made.zones.push(ZoneResult {
                 name: name.clone(),

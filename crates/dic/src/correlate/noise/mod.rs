@@ -5,4 +5,5 @@ pub(crate) mod model_error;
 pub(crate) mod noise_correlation;
 pub(crate) mod noise_model;
 pub(crate) mod reference_noise;
+pub(crate) mod stretch;
 pub(crate) mod uncertainty;

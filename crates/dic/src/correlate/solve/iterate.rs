@@ -81,12 +81,6 @@ impl Turn {
         }
         Self { cos: cos / length, sin: sin / length }
     }
-
-    /// Variances along x and y of what was found before it was turned, in the deformed image.
-    pub fn variances(self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let (c, s) = (self.cos * self.cos, self.sin * self.sin);
-        if self == Self::NONE { [x, y] } else { [c * x + s * y, s * x + c * y] }
-    }
 }
 
 /// Where noise may be the reason, corrections count as slow from the first iteration on, from the second on more may be
