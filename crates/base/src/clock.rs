@@ -16,8 +16,7 @@ pub struct Stopwatch {
 pub struct Elapsed {
     /// Seconds on the clock on the wall.
     pub wall_s: f64,
-    /// Seconds of processor time of all threads of this process; those of a software device are among them. Zero where
-    /// the system counts none.
+    /// Processor time of all threads of this process, s, a software device's too; zero where the system counts none.
     pub cpu_s: f64,
     /// Seconds of processor time of this thread alone; zero where the system counts none.
     pub thread_s: f64,

@@ -31,8 +31,7 @@ impl Isa {
         Self::available()[0]
     }
 
-    /// All paths of this machine, the fastest first; `scalar` is the plain per-pixel loop that benches
-    /// compare with.
+    /// All paths of this machine, fastest first; `scalar` is the plain per-pixel loop that benches compare with.
     pub fn available() -> Vec<Self> {
         let mut paths = Vec::new();
         #[cfg(target_arch = "x86_64")]
@@ -76,8 +75,7 @@ impl Isa {
         }
     }
 
-    /// The path for work that is mostly shuffles: eight lanes shuffle faster than sixteen, with the same
-    /// arithmetic and so the same bits.
+    /// The path for work that is mostly shuffles: eight lanes shuffle faster than sixteen, to the same bits.
     pub fn for_shuffles(self) -> Self {
         if self.0 == Path::Avx512 { Self(Path::Avx2) } else { self }
     }
@@ -130,4 +128,5 @@ macro_rules! multiversioned {
         }
     };
 }
+
 pub use multiversioned;

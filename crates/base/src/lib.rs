@@ -1,5 +1,4 @@
-//! The ground of quadrille: units, linear algebra, images, meshes and fields. Nothing here opens a file or knows a
-//! device.
+//! The ground of quadrille: units, linear algebra, images, meshes, fields. Nothing here opens a file or knows a device.
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used))]
 
@@ -11,5 +10,6 @@ pub mod isa;
 pub mod linalg;
 pub mod mesh;
 pub mod parts;
+pub mod plane;
 pub mod remark;
 pub mod units;

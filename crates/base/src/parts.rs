@@ -7,8 +7,7 @@ use rayon::Scope;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// Looks for the end of what others are at, before the thread lets others have its core; each takes some ten
-/// nanoseconds.
+/// Looks, some ten nanoseconds each, for the end of what others are at before the thread gives its core away.
 const LOOKS: usize = 2000;
 /// So many are made once all is done: until the pool knows it, too.
 const LAST_LOOKS: usize = 20;
@@ -34,8 +33,7 @@ pub fn for_each_init<T: Send, S>(parts: Vec<T>, state: impl Fn() -> S + Sync, wo
     with_help(helpers, &take);
 }
 
-/// Lets this thread and so many others of its pool `take` parts until none is left. Not generic: what it makes of the
-/// pool is compiled once, and not for every loop.
+/// Lets this thread and so many others `take` parts until none is left; not generic, so compiled once for all loops.
 fn with_help(helpers: usize, take: &(dyn Fn() + Sync)) {
     if helpers == 0 {
         return take();

@@ -13,8 +13,7 @@ pub trait Length: Copy + Clone + Debug + Send + Sync + 'static {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Px;
 
-/// Millimetres on the specimen: x to the right, y **up**, origin at the centre of the top-left pixel where there is an
-/// image.
+/// Millimetres on the specimen: x to the right, y **up**, origin at the centre of an image's top-left pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Mm;
 
@@ -48,8 +47,7 @@ impl<U: Length> Vector<U> {
     }
 }
 
-/// The signs that the components of a vector take when it is told along the axes of [`Mm`] instead of those of [`Px`],
-/// or the other way round: y turns.
+/// Signs that the components of a vector take from the axes of [`Mm`] to those of [`Px`], or back: y turns.
 pub const TURN: [f64; 2] = [1.0, -1.0];
 
 /// The scale of an image series, in millimetres per pixel.

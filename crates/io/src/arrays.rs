@@ -161,9 +161,6 @@ pub trait ArrayFile {
     fn block(&mut self, values: &Values) -> Result<(), ArrayFileError>;
 
     /// A list of texts.
-    ///
-    /// # Errors
-    /// Those of the file.
     fn texts(&mut self, name: &str, texts: &[String]) -> Result<(), ArrayFileError>;
 
     /// An array of a single block.

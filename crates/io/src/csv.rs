@@ -7,9 +7,9 @@ use std::io::{self, Read, Write};
 use thiserror::Error;
 
 const STRAIN_COLUMNS: [&str; 3] = ["exx", "eyy", "exy"];
-const WINDOW_COLUMNS: [&str; 6] =
+pub(crate) const WINDOW_COLUMNS: [&str; 6] =
     ["exx_window", "eyy_window", "exy_window", "sigma_exx_window", "sigma_eyy_window", "sigma_exy_window"];
-const PX_COLUMNS: [&str; 6] = ["x_px", "y_px", "ux_px", "uy_px", "sigma_ux_px", "sigma_uy_px"];
+pub(crate) const PX_COLUMNS: [&str; 6] = ["x_px", "y_px", "ux_px", "uy_px", "sigma_ux_px", "sigma_uy_px"];
 const MODEL_COLUMNS: [&str; 2] = ["model_error_ux_px", "model_error_uy_px"];
 const POINT_COLUMNS: [&str; 5] =
     ["ux_point_px", "uy_point_px", "sigma_ux_point_px", "sigma_uy_point_px", "is_point_value"];
@@ -88,8 +88,7 @@ pub struct DisplacementRow {
     pub px: NodeValues,
     /// The strain, when the table has it and it is known at this node.
     pub strain: Option<TensorStrain>,
-    /// The strain over a window of nodes with the standard uncertainty of exx, eyy and exy, when the table has it and
-    /// it is known at this node.
+    /// The strain over a window of nodes, with the uncertainty of exx, eyy, exy, if the table has it and it is known.
     pub window_strain: Option<(TensorStrain, [f64; 3])>,
     /// What each component of the displacement may be off beyond noise, px, when the table has it.
     pub model_error_px: Option<[f64; 2]>,
@@ -126,9 +125,6 @@ pub struct DisplacementRow {
 /// let table = String::from_utf8(table).unwrap();
 /// assert!(table.starts_with("# frame 7\n") && table.ends_with("3,all,16.0,16.0,0.1,-2.0,0.01,0.01\n"));
 /// ```
-///
-/// # Errors
-/// Those of `out`.
 #[expect(
     clippy::indexing_slicing,
     reason = "written by the program: a measurement has one value for each node of its mesh"
@@ -222,8 +218,7 @@ pub fn write_displacements<W: Write>(
     table.flush()
 }
 
-/// Reads a table that [`write_displacements`] wrote. Columns are found by their names; others are
-/// passed over.
+/// Reads a table that [`write_displacements`] wrote. Columns are found by their names; others are passed over.
 ///
 /// # Errors
 /// A missing column, a cell that is no number, a row of the wrong length: each names its line.
@@ -247,6 +242,7 @@ pub fn read_displacements<R: Read>(input: R) -> Result<Vec<DisplacementRow>, Csv
     let point = find_group(&POINT_COLUMNS)?;
     let mark = header.iter().position(|column| column == MARK_COLUMN);
     let window = find_group(&WINDOW_COLUMNS)?;
+    let with_sigma = |[xx, yy, xy, a, b, c]: [f64; 6]| (TensorStrain { xx, yy, xy }, [a, b, c]);
     let mut rows = Vec::new();
     for record in table.records() {
         let record = record.map_err(row_error)?;
@@ -254,8 +250,13 @@ pub fn read_displacements<R: Read>(input: R) -> Result<Vec<DisplacementRow>, Csv
             node: node.parse(&record)?,
             zone: zone.text(&record).to_owned(),
             px: NodeValues::from_columns(values(&px, &record)?),
-            strain: strain.as_ref().map(|columns| strain_of(columns, &record)).transpose()?.flatten(),
-            window_strain: window.as_ref().map(|columns| window_of(columns, &record)).transpose()?.flatten(),
+            strain: strain
+                .as_ref()
+                .map(|of| known(of, &record))
+                .transpose()?
+                .flatten()
+                .map(TensorStrain::of_components),
+            window_strain: window.as_ref().map(|of| known(of, &record)).transpose()?.flatten().map(with_sigma),
             model_error_px: model.as_ref().map(|columns| values(columns, &record)).transpose()?,
             point_px: point.as_ref().map(|columns| point_of(columns, &record)).transpose()?,
             mark: mark.and_then(|at| ElementMark::from_name(record.get(at)?)),
@@ -296,21 +297,10 @@ fn values<const N: usize>(columns: &[Column], record: &StringRecord) -> Result<[
     Ok(numbers)
 }
 
-/// `None` where all cells are empty.
-fn strain_of(columns: &[Column], record: &StringRecord) -> Result<Option<TensorStrain>, CsvError> {
-    if columns.iter().all(|column| column.text(record).is_empty()) {
-        return Ok(None);
-    }
-    values(columns, record).map(|e| Some(TensorStrain::of_components(e)))
-}
-
-/// `None` where all cells are empty.
-fn window_of(columns: &[Column], record: &StringRecord) -> Result<Option<(TensorStrain, [f64; 3])>, CsvError> {
-    if columns.iter().all(|column| column.text(record).is_empty()) {
-        return Ok(None);
-    }
-    let [xx, yy, xy, sigma @ ..] = values::<6>(columns, record)?;
-    Ok(Some((TensorStrain { xx, yy, xy }, sigma)))
+/// The numbers of a group of columns; `None` where all cells are empty.
+fn known<const N: usize>(columns: &[Column], record: &StringRecord) -> Result<Option<[f64; N]>, CsvError> {
+    let is_empty = columns.iter().all(|column| column.text(record).is_empty());
+    (!is_empty).then(|| values(columns, record)).transpose()
 }
 
 fn point_of(columns: &[Column], record: &StringRecord) -> Result<PointRow, CsvError> {

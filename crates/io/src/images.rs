@@ -7,7 +7,7 @@ pub use raw::Accepted;
 pub use write::{WriteError, png_bytes, write_image};
 
 use super::tiff as tiff_pages;
-use crate::digest::sha256_hex;
+pub use crate::digest::sha256_hex as sha256;
 use crate::imaging::{Image, ImageError, Pixels};
 use image::codecs::pnm::{PnmDecoder, PnmSubtype};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
@@ -29,8 +29,7 @@ pub struct Loaded {
     pub pages: usize,
     /// The largest grey level that the file can hold, in the scale of the image; 1 for a file of floats.
     pub white: f32,
-    /// When it was taken by the clock of the camera, `2024-05-01T10:11:12.25`, where the file says so (EXIF, or the
-    /// time of a TIFF page).
+    /// When it was taken by the camera's clock, `2024-05-01T10:11:12.25`, where the file says so (EXIF, TIFF page).
     pub taken: Option<String>,
 }
 
@@ -39,37 +38,20 @@ pub struct Loaded {
 #[non_exhaustive]
 pub enum ReadError {
     /// There is no such file.
-    #[error("{}: there is no such file; check the name and the folder", path.display())]
-    NotFound {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{}: there is no such file; check the name and the folder", .0.display())]
+    NotFound(PathBuf),
     /// It is a folder.
-    #[error("{}: this is a folder; name an image file in it", path.display())]
-    Directory {
-        /// The folder.
-        path: PathBuf,
-    },
+    #[error("{}: this is a folder; name an image file in it", .0.display())]
+    Directory(PathBuf),
     /// The file system refuses.
-    #[error("{}: cannot be read: {reason}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        reason: io::Error,
-    },
+    #[error("{}: cannot be read: {}", .0.display(), .1)]
+    Io(PathBuf, io::Error),
     /// The file has no bytes.
-    #[error("{}: the file is empty; copy it again from where it was recorded", path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{}: the file is empty; copy it again from where it was recorded", .0.display())]
+    Empty(PathBuf),
     /// A file that is being written has not come to rest.
-    #[error("{}: the file goes on changing; give its images names of their own", path.display())]
-    Changing {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{}: the file goes on changing; give its images names of their own", .0.display())]
+    Changing(PathBuf),
     /// The content is no image of a known format.
     #[error("{}: not an image: the content begins with {begins}; use TIFF, PNG, BMP, JPEG or PGM", path.display())]
     NotAnImage {
@@ -78,26 +60,12 @@ pub enum ReadError {
         /// The first bytes.
         begins: String,
     },
-    /// The file ends before the image does.
-    #[error("{}: the {format} file is cut off: {what}; copy it again from where it was recorded", path.display())]
-    Truncated {
-        /// The file.
-        path: PathBuf,
-        /// Its format.
-        format: &'static str,
-        /// What is missing.
-        what: String,
-    },
-    /// The content contradicts itself.
-    #[error("{}: the {format} file is damaged: {what}; copy it again or save it anew", path.display())]
-    Corrupt {
-        /// The file.
-        path: PathBuf,
-        /// Its format.
-        format: &'static str,
-        /// What is wrong.
-        what: String,
-    },
+    /// The file, of this format, ends before the image does: what is missing.
+    #[error("{}: the {} file is cut off: {}; copy it again from where it was recorded", .0.display(), .1, .2)]
+    Truncated(PathBuf, &'static str, String),
+    /// The content of the file, of this format, contradicts itself.
+    #[error("{}: the {} file is damaged: {}; copy it again or save it anew", .0.display(), .1, .2)]
+    Corrupt(PathBuf, &'static str, String),
     /// A kind of image that is not read.
     #[error("{}: {what} cannot be read in a {format} file; save it as grey 8 or 16 bit TIFF or PNG", path.display())]
     Unsupported {
@@ -185,10 +153,9 @@ fn larger(max_mpx: u32) -> String {
 
 /// Reads the image file `path`, of a TIFF file the page `page` (0 is the first).
 ///
-/// The content decides the format, not the name: TIFF, PNG, BMP, JPEG, PGM/PPM. Grey levels keep their depth;
-/// colours become luminance (Rec. 709) as 32-bit floats in the scale of the file, unless all channels are
-/// equal; alpha is ignored. Palettes are applied. The orientation in EXIF data is not applied, so
-/// that pixel coordinates are those of the sensor.
+/// The content decides the format, not the name: TIFF, PNG, BMP, JPEG, PGM/PPM. Grey levels keep their depth; colours
+/// become luminance (Rec. 709) as 32-bit floats in the scale of the file, unless all channels are equal; alpha is
+/// ignored. Palettes are applied, the orientation in EXIF data is not: pixel coordinates are those of the sensor.
 ///
 /// # Errors
 /// See [`ReadError`]: each names the file, what is wrong and what to do.
@@ -232,14 +199,13 @@ impl PagedFile {
     /// No bytes, or none of a known format.
     pub fn of(path: PathBuf, bytes: Vec<u8>) -> Result<Self, ReadError> {
         if bytes.is_empty() {
-            return Err(ReadError::Empty { path });
+            return Err(ReadError::Empty(path));
         }
         let format = Format::of(&bytes, &path)?;
         Ok(Self { path, bytes, format, pages: None, sha256: None })
     }
 
-    /// The pages that are images of their own (no thumbnails of others); the first is 0. A file that is no TIFF has
-    /// one.
+    /// The pages that are images of their own (no thumbnails), from 0. A file that is no TIFF has one.
     ///
     /// # Errors
     /// A TIFF file whose list of pages is damaged.
@@ -293,8 +259,7 @@ impl PagedFile {
     }
 }
 
-/// The pages of the file `path` that are images of their own, or the first when that cannot be said: what is wrong
-/// with the file shows when it is read.
+/// Pages of `path` that are images of their own, or the first where that is unknown: reading shows what is wrong.
 pub fn pages_of(path: &Path) -> Vec<usize> {
     let mut head = [0; 4];
     let tiff = std::fs::File::open(path).is_ok_and(|mut file| {
@@ -305,17 +270,12 @@ pub fn pages_of(path: &Path) -> Vec<usize> {
     pages.filter(|pages| !pages.is_empty()).unwrap_or_else(|| vec![0])
 }
 
-/// SHA-256 of `bytes`, in hexadecimal.
-pub fn sha256(bytes: &[u8]) -> String {
-    sha256_hex(bytes)
-}
-
 fn unreadable(path: &Path, reason: io::Error) -> ReadError {
     let path = path.to_owned();
     match reason.kind() {
-        ErrorKind::NotFound => ReadError::NotFound { path },
-        _ if path.is_dir() => ReadError::Directory { path },
-        _ => ReadError::Io { path, reason },
+        ErrorKind::NotFound => ReadError::NotFound(path),
+        _ if path.is_dir() => ReadError::Directory(path),
+        _ => ReadError::Io(path, reason),
     }
 }
 
@@ -326,8 +286,8 @@ fn named(problem: ImageFault, path: &Path, format: &'static str, page: usize) ->
         path.as_mut_os_string().push(format!("[{page}]"));
     }
     match problem {
-        ImageFault::Truncated(what) => ReadError::Truncated { path, format, what },
-        ImageFault::Corrupt(what) => ReadError::Corrupt { path, format, what },
+        ImageFault::Truncated(what) => ReadError::Truncated(path, format, what),
+        ImageFault::Corrupt(what) => ReadError::Corrupt(path, format, what),
         ImageFault::Unsupported(what) => ReadError::Unsupported { path, format, what },
         ImageFault::TooLarge { width, height, max_mpx } => ReadError::TooLarge { path, format, width, height, max_mpx },
         ImageFault::OtherSize { width, height, wanted } => ReadError::OtherSize { path, width, height, wanted },

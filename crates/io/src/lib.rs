@@ -19,7 +19,7 @@
 #[doc(hidden)]
 pub extern crate self as io;
 
-pub use quadrille_base::{digest, field, imaging, linalg, mesh, remark, units};
+pub use quadrille_base::{digest, field, imaging, linalg, mesh, plane, remark, units};
 
 pub mod arrays;
 pub mod case;

@@ -12,9 +12,9 @@ pub use error::LoadError;
 pub use times::{FrameTimes, parse_frame_times};
 
 use crate::remark::Remark;
+use crate::text::{self, read_file};
 use error::STRESS;
 use raw::{RawTable, Wanted};
-use std::io::ErrorKind;
 use std::path::Path;
 
 /// A quantity recorded beside the images, such as time or force.
@@ -70,7 +70,7 @@ impl LoadTable {
         let there = self.columns.iter().any(|column| column.name == STRESS);
         let Some(force) = self.only_force().filter(|_| !there).cloned() else {
             let columns = self.columns.iter().map(|column| column.name.clone()).collect();
-            return Err(LoadError::Force { path: path.to_owned(), columns });
+            return Err(LoadError::Force(path.to_owned(), columns));
         };
         self.remarks.push(remarks::stress(STRESS, &force.name, area_mm2));
         let values = force.values.iter().map(|value| value.map(|force| force / area_mm2)).collect();
@@ -102,25 +102,20 @@ impl LoadTable {
                 self.columns.iter().find(called).filter(|column| column.name_and_unit().1 == "N")
             }
         };
-        found.ok_or_else(|| LoadError::NoForce {
-            path: path.to_owned(),
-            column: name.map(str::to_owned),
-            columns: self.columns.iter().map(|column| column.name.clone()).collect(),
+        found.ok_or_else(|| {
+            LoadError::NoForce(
+                path.to_owned(),
+                name.map(str::to_owned),
+                self.columns.iter().map(|column| column.name.clone()).collect(),
+            )
         })
     }
 }
 
-/// The text of the load file `path`.
 fn text_of(path: &Path) -> Result<String, LoadError> {
-    let bytes = std::fs::read(path).map_err(|reason| match reason.kind() {
-        ErrorKind::NotFound => LoadError::NotFound { path: path.to_owned() },
-        _ => LoadError::Io { path: path.to_owned(), reason },
-    })?;
-    String::from_utf8(bytes).map_err(|error| {
-        let valid = error.utf8_error().valid_up_to();
-        let line = 1 + error.as_bytes().iter().take(valid).filter(|&&b| b == b'\n').count();
-        LoadError::NotText { path: path.to_owned(), line }
-    })
+    let bytes = read_file(path, LoadError::NotFound, LoadError::Io)?;
+    let text = text::text_of(&bytes).map_err(|line| LoadError::NotText { path: path.to_owned(), line })?;
+    Ok(text.to_owned())
 }
 
 /// Reads the load file `path` for a series of `n_frames` deformed images. See [`parse_load`].

@@ -61,17 +61,10 @@ pub enum MaskError {
         /// Grey level above which a pixel is white.
         limit: f32,
     },
-    /// Most pixels are neither black nor white.
-    #[error(
-        "{}: {percent:.0} % of the pixels are grey, neither black nor white: this looks like a photograph, not like a \
-         mask; paint white what is to be measured and black the rest", path.display()
-    )]
-    Grey {
-        /// The file.
-        path: PathBuf,
-        /// Share of the grey pixels, per cent.
-        percent: f64,
-    },
+    /// Most pixels are neither black nor white: their share, per cent.
+    #[error("{}: {:.0} % of the pixels are grey, neither black nor white: this looks like a photograph, not like a \
+         mask; paint white what is to be measured and black the rest", .0.display(), .1)]
+    Grey(PathBuf, f64),
 }
 
 /// Reads the image file `path` as the mask of an image of `width` x `height` px: pixels above half of the largest
@@ -86,9 +79,6 @@ pub fn read_mask(path: &Path, width: usize, height: usize) -> Result<LoadedMask,
 }
 
 /// The mask with the content `bytes`; `path` stands in messages. See [`read_mask`].
-///
-/// # Errors
-/// Those of [`read_mask`], but for a file that cannot be read.
 pub fn parse_mask(bytes: Vec<u8>, path: &Path, width: usize, height: usize) -> Result<LoadedMask, MaskError> {
     let read = |mut file: PagedFile| file.read_one(0, Accepted::ANY.of_size(width, height));
     mask_of(PagedFile::of(path.to_owned(), bytes).and_then(read), path, width, height)
@@ -129,7 +119,7 @@ fn mask_of(
     let (black, white) = (0.1 * loaded.white, 0.9 * loaded.white);
     let grey = levels(&|v| v > black && v < white).iter().filter(|&&grey| grey).count() as f64 / n;
     if grey > MOSTLY_GREY {
-        return Err(MaskError::Grey { path: named(), percent: 100.0 * grey });
+        return Err(MaskError::Grey(named(), 100.0 * grey));
     }
     if share == 0.0 {
         return Err(MaskError::Black { path: named(), largest: image.range().1, limit });

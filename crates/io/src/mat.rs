@@ -52,9 +52,6 @@ pub struct MatWriter<W: Write> {
 
 impl<W: Write> MatWriter<W> {
     /// A file without any variable; the first 100 or so characters of `text` stand at its head.
-    ///
-    /// # Errors
-    /// Those of the writer.
     pub fn new(mut out: W, text: &str) -> Result<Self, ArrayFileError> {
         let about = format!("MATLAB 5.0 MAT-file, {text}");
         let mut head: Vec<u8> = about.chars().map(|c| if c.is_ascii_graphic() { c as u8 } else { b' ' }).collect();

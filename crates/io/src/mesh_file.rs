@@ -8,8 +8,9 @@ mod gmsh;
 mod vtu;
 
 use crate::mesh::ZoneElements;
+use crate::text::read_file;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::io::{self, ErrorKind};
+use std::io;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -44,60 +45,28 @@ pub struct NamedCurve {
 #[non_exhaustive]
 pub enum MeshFileError {
     /// There is no such file.
-    #[error("{}: there is no such mesh file; check the name and the folder", path.display())]
-    NotFound {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{}: there is no such mesh file; check the name and the folder", .0.display())]
+    NotFound(PathBuf),
     /// The file system refuses.
-    #[error("{}: the mesh file cannot be read: {reason}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        reason: io::Error,
-    },
-    /// The content is neither of the two formats.
+    #[error("{}: the mesh file cannot be read: {}", .0.display(), .1)]
+    Io(PathBuf, io::Error),
+    /// The content is neither of the two formats: its first bytes.
+    #[error("{}: not a mesh: the content begins with {}; give a Gmsh .msh file (version 4.1 or 2.2) or a VTK .vtu file", .0.display(), .1)]
+    NotAMesh(PathBuf, String),
+    /// A version or a variant of the format that is not read: what it is, and what to do.
+    #[error("{}: {} is not read; {}", .0.display(), .1, .2)]
+    Unsupported(PathBuf, String, String),
+    /// The file ends too early: what is missing.
+    #[error("{}: the mesh file is cut off: {}; copy or save it again", .0.display(), .1)]
+    Truncated(PathBuf, String),
+    /// Something that does not belong there: the line, or the byte of a binary file, and what is wrong.
+    #[error("{}, {}: {}; the file is damaged: copy or save it again", .0.display(), .1, .2)]
+    Invalid(PathBuf, String, String),
+    /// An element that cannot be used.
     #[error(
-        "{}: not a mesh: the content begins with {begins}; give a Gmsh .msh file (version 4.1 or 2.2) or a VTK .vtu file",
+        "{}: element {element} is {kind}; give a plane mesh of four-node quadrilaterals and three-node triangles",
         path.display()
     )]
-    NotAMesh {
-        /// The file.
-        path: PathBuf,
-        /// The first bytes.
-        begins: String,
-    },
-    /// A version or a variant of the format that is not read.
-    #[error("{}: {what} is not read; {remedy}", path.display())]
-    Unsupported {
-        /// The file.
-        path: PathBuf,
-        /// What it is.
-        what: String,
-        /// What to do.
-        remedy: String,
-    },
-    /// The file ends too early.
-    #[error("{}: the mesh file is cut off: {what}; copy or save it again", path.display())]
-    Truncated {
-        /// The file.
-        path: PathBuf,
-        /// What is missing.
-        what: String,
-    },
-    /// Something that does not belong there.
-    #[error("{}, {place}: {what}; the file is damaged: copy or save it again", path.display())]
-    Invalid {
-        /// The file.
-        path: PathBuf,
-        /// The line, or the byte of a binary file.
-        place: String,
-        /// What is wrong.
-        what: String,
-    },
-    /// An element that cannot be used.
-    #[error("{}: element {element} is {kind}; {}", path.display(), element_advice())]
     ElementKind {
         /// The file.
         path: PathBuf,
@@ -145,28 +114,12 @@ pub enum MeshFileError {
         /// Its z.
         other_z: f64,
     },
-    /// There is no quadrilateral and no triangle.
-    #[error("{}: the file holds no quadrilateral and no triangle{aside}; save the surface mesh", path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-        /// What it holds instead, with ` (` and `)`, or nothing.
-        aside: String,
-    },
-    /// No zone has this name.
-    #[error("{}: there is no group '{group}'; the file has {there}", path.display())]
-    NoGroup {
-        /// The file.
-        path: PathBuf,
-        /// The name asked for.
-        group: String,
-        /// The names that are there.
-        there: String,
-    },
-}
-
-fn element_advice() -> &'static str {
-    "give a plane mesh of four-node quadrilaterals and three-node triangles"
+    /// There is no quadrilateral and no triangle: what it holds instead, with ` (` and `)`, or nothing.
+    #[error("{}: the file holds no quadrilateral and no triangle{}; save the surface mesh", .0.display(), .1)]
+    Empty(PathBuf, String),
+    /// No zone has this name; the names that there are.
+    #[error("{}: there is no group '{}'; the file has {}", .0.display(), .1, .2)]
+    NoGroup(PathBuf, String, String),
 }
 
 /// Reads the zones of the mesh file `path`: Gmsh `.msh` (version 4.1, text or binary; version 2.2, text) or VTK
@@ -180,10 +133,7 @@ fn element_advice() -> &'static str {
 /// # Errors
 /// See [`MeshFileError`]: each names the file, what is wrong and what to do.
 pub fn read_mesh(path: &Path) -> Result<MeshFile, MeshFileError> {
-    let bytes = std::fs::read(path).map_err(|reason| match reason.kind() {
-        ErrorKind::NotFound => MeshFileError::NotFound { path: path.to_owned() },
-        _ => MeshFileError::Io { path: path.to_owned(), reason },
-    })?;
+    let bytes = read_file(path, MeshFileError::NotFound, MeshFileError::Io)?;
     let mut mesh = parse_mesh(&bytes, path)?;
     mesh.sha256 = super::images::sha256(&bytes);
     Ok(mesh)
@@ -208,7 +158,7 @@ pub fn parse_mesh(bytes: &[u8], path: &Path) -> Result<MeshFile, MeshFileError> 
     } else if vtu::is_vtk_xml(bytes) {
         vtu::parse(bytes)
     } else {
-        return Err(MeshFileError::NotAMesh { path: path.to_owned(), begins: super::images::beginning(bytes) });
+        return Err(MeshFileError::NotAMesh(path.to_owned(), super::images::beginning(bytes)));
     };
     parsed.and_then(Parsed::finish).map_err(|problem| problem.of(path))
 }
@@ -220,11 +170,10 @@ impl MeshFile {
     /// [`MeshFileError::NoGroup`], which names the zones there are and, as the file, `path`.
     pub fn group(self, group: &str, path: &Path) -> Result<ZoneElements, MeshFileError> {
         let there: Vec<_> = self.zones.iter().map(|zone| format!("'{}'", zone.name)).collect();
-        self.zones.into_iter().find(|zone| zone.name == group).ok_or_else(|| MeshFileError::NoGroup {
-            path: path.to_owned(),
-            group: group.to_owned(),
-            there: there.join(", "),
-        })
+        self.zones
+            .into_iter()
+            .find(|zone| zone.name == group)
+            .ok_or_else(|| MeshFileError::NoGroup(path.to_owned(), group.to_owned(), there.join(", ")))
     }
 }
 
@@ -245,16 +194,16 @@ impl MeshFileFault {
     fn of(self, path: &Path) -> MeshFileError {
         let path = path.to_owned();
         match self {
-            MeshFileFault::Unsupported { what, remedy } => MeshFileError::Unsupported { path, what, remedy },
-            MeshFileFault::Truncated(what) => MeshFileError::Truncated { path, what },
-            MeshFileFault::Invalid { place, what } => MeshFileError::Invalid { path, place, what },
+            MeshFileFault::Unsupported { what, remedy } => MeshFileError::Unsupported(path, what, remedy),
+            MeshFileFault::Truncated(what) => MeshFileError::Truncated(path, what),
+            MeshFileFault::Invalid { place, what } => MeshFileError::Invalid(path, place, what),
             MeshFileFault::ElementKind { element, kind } => MeshFileError::ElementKind { path, element, kind },
             MeshFileFault::NodeMissing { element, node } => MeshFileError::NodeMissing { path, element, node },
             MeshFileFault::NotFinite { node, x, y } => MeshFileError::NotFinite { path, node, x, y },
             MeshFileFault::NotFlat { node, z, other, other_z } => {
                 MeshFileError::NotFlat { path, node, z, other, other_z }
             }
-            MeshFileFault::Empty { aside } => MeshFileError::Empty { path, aside },
+            MeshFileFault::Empty { aside } => MeshFileError::Empty(path, aside),
         }
     }
 }
@@ -276,7 +225,6 @@ struct FileElement {
     group: Option<i64>,
 }
 
-/// The content of a mesh file.
 #[derive(Debug, Default)]
 struct Parsed {
     nodes: Vec<FileNode>,

@@ -56,8 +56,7 @@ impl<W: Write + Seek> NpzWriter<W> {
 
     fn member(&mut self, name: &str, type_word: &str, shape: &[u64]) -> Result<(), ArrayFileError> {
         self.open.take().map_or(Ok(()), |open| open.close())?;
-        // No array is known to stay below 4 GB. The time of a member is that of the format's beginning: the same
-        // arrays give the same bytes.
+        // No array is known to stay below 4 GB. All members have the format's first time: same arrays, same bytes.
         let options = SimpleFileOptions::DEFAULT.compression_method(CompressionMethod::Stored).large_file(true);
         self.zip()?.start_file(format!("{name}.npy"), options).map_err(std::io::Error::other)?;
         let kind = type_word.parse().map_err(std::io::Error::other)?;
@@ -72,8 +71,7 @@ fn finished() -> io::Error {
 }
 
 impl<W: Write + Seek> Drop for NpzWriter<W> {
-    /// A file that was not finished gets no end: the crate would write one, also where the disk has just refused, and
-    /// takes the place at which it then is for an impossible one.
+    /// Without an end: the crate would write one, even where the disk just refused, at a place it takes for impossible.
     fn drop(&mut self) {
         std::mem::forget(self.zip.take());
     }

@@ -5,12 +5,14 @@
     reason = "writes the tables of a run: its points, lines and cracks are counted by the case, and what was drawn of a frame has as many"
 )]
 
+use super::csv::{PX_COLUMNS, WINDOW_COLUMNS};
 use super::load::LoadTable;
 use crate::field::{
-    CrackLine, CrackTip, Curve, ElementMark, FrameQuantities, Jump, Measurement, NodalNoise, OPEN_BY_SIGMA,
-    PointValues, Quantities, Status, StrainWindows, TipState, Value,
+    CrackLine, CrackTip, Curve, ElementMark, Elongation, FrameQuantities, Jump, Measurement, NodalNoise, OPEN_BY_SIGMA,
+    PointValues, Quantities, Status, StrainWindows, TensorStrain, TipState, Value,
 };
 use crate::mesh::Mesh;
+use crate::plane::distance;
 use crate::remark::{About, Code, Remark};
 use crate::units::{PixelSize, Px};
 use std::io::{self, Write};
@@ -45,8 +47,7 @@ pub struct QuantityTables<'a, W: Write> {
 /// What is left when all frames are written.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct QuantitySummary {
-    /// Every point, extensometer and mean opening against each column of the load file, or against the frame without
-    /// one.
+    /// Every point, extensometer and mean opening against each column of the load file, or else against the frame.
     pub curves: Vec<Curve>,
     /// What has no value and where, and how the load file was read.
     pub remarks: Vec<Remark>,
@@ -109,46 +110,13 @@ impl<W: Write> Table<W> {
     }
 }
 
-const POINT: [&str; 12] = [
-    "x_px",
-    "y_px",
-    "ux_px",
-    "uy_px",
-    "sigma_ux_px",
-    "sigma_uy_px",
-    "exx",
-    "eyy",
-    "exy",
-    "sigma_exx",
-    "sigma_eyy",
-    "sigma_exy",
-];
-const WINDOW: [&str; 6] =
-    ["exx_window", "eyy_window", "exy_window", "sigma_exx_window", "sigma_eyy_window", "sigma_exy_window"];
-const ALONG: [&str; 1] = ["along_px"];
-const EXTENSOMETER: [&str; 7] = [
-    "length_px",
-    "elongation_px",
-    "sigma_elongation_px",
-    "strain_engineering",
-    "sigma_strain_engineering",
-    "strain_true",
-    "sigma_strain_true",
-];
-const OPENING: [&str; 6] = ["along_px", "x_px", "y_px", "gap_px", "normal_x", "normal_y"];
+const STRAIN: [&str; 6] = ["exx", "eyy", "exy", "sigma_exx", "sigma_eyy", "sigma_exy"];
+const LENGTHS: [&str; 3] = ["length_px", "elongation_px", "sigma_elongation_px"];
+const STRETCH: [&str; 4] = ["strain_engineering", "sigma_strain_engineering", "strain_true", "sigma_strain_true"];
 const JUMP: [&str; 4] = ["opening_px", "sigma_opening_px", "sliding_px", "sigma_sliding_px"];
-const CRACK: [&str; 5] = ["along_px", "x_px", "y_px", "normal_x", "normal_y"];
-const TIP: [&str; 9] = [
-    "along_px",
-    "sigma_along_px",
-    "x_px",
-    "y_px",
-    "K_I_MPa_sqrt_m",
-    "sigma_K_I_MPa_sqrt_m",
-    "K_II_MPa_sqrt_m",
-    "sigma_K_II_MPa_sqrt_m",
-    "radius_px",
-];
+const TIP: [&str; 4] = ["along_px", "sigma_along_px", "x_px", "y_px"];
+const INTENSITY: [&str; 5] =
+    ["K_I_MPa_sqrt_m", "sigma_K_I_MPa_sqrt_m", "K_II_MPa_sqrt_m", "sigma_K_II_MPa_sqrt_m", "radius_px"];
 const RIGID: [&str; 7] =
     ["centre_x_px", "centre_y_px", "translation_x_px", "translation_y_px", "rotation_deg", "largest_px", "left_rms_px"];
 
@@ -158,9 +126,6 @@ impl<'a, W: Write> QuantityTables<'a, W> {
     ///
     /// With `regularised` fields the noise of neighbouring nodes is correlated in a way that is not known, and
     /// standard uncertainties are upper bounds.
-    ///
-    /// # Errors
-    /// Those of `open` and of writing.
     pub fn new(
         quantities: &'a Quantities,
         load: &'a LoadTable,
@@ -171,20 +136,20 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         mut open: impl FnMut(&str) -> io::Result<W>,
     ) -> io::Result<Self> {
         let q = quantities;
-        let point = if q.window.is_some() { [&POINT[..], &WINDOW].concat() } else { POINT.to_vec() };
+        let window: &[&str] = if q.window.is_some() { &WINDOW_COLUMNS } else { &[] };
+        let point = [&PX_COLUMNS[..], &STRAIN, window].concat();
+        let opening = [&["along_px", "x_px", "y_px", "gap_px", "normal_x", "normal_y"][..], &JUMP].concat();
+        let crack = [&["along_px", "x_px", "y_px", "normal_x", "normal_y"][..], &JUMP].concat();
+        let has_tip = q.cracks.iter().any(|(_, crack)| crack.joined().next().is_some());
         let wanted = [
             (!q.points.is_empty(), vec!["point"], point.clone()),
-            (!q.lines.is_empty(), vec!["line"], [&ALONG[..], &point].concat()),
-            (!q.extensometers.is_empty(), vec!["extensometer"], EXTENSOMETER.to_vec()),
-            (!q.openings.is_empty(), vec!["opening", "part"], [&OPENING[..], &JUMP].concat()),
+            (!q.lines.is_empty(), vec!["line"], [&["along_px"][..], &point].concat()),
+            (!q.extensometers.is_empty(), vec!["extensometer"], [&LENGTHS[..], &STRETCH].concat()),
+            (!q.openings.is_empty(), vec!["opening", "part"], opening),
             (!q.openings.is_empty(), vec!["opening"], JUMP.to_vec()),
             (q.remove_rigid.is_some(), vec!["zone"], RIGID.to_vec()),
-            (!q.cracks.is_empty(), vec!["crack", "mark"], [&CRACK[..], &JUMP].concat()),
-            (
-                q.cracks.iter().any(|(_, crack)| crack.joined().next().is_some()),
-                vec!["crack", "end", "state"],
-                TIP.to_vec(),
-            ),
+            (!q.cracks.is_empty(), vec!["crack", "mark"], crack),
+            (has_tip, vec!["crack", "end", "state"], [&TIP[..], &INTENSITY].concat()),
         ];
         let mut tables = [const { None }; 8];
         for (k, (wanted, keys, columns)) in wanted.into_iter().enumerate() {
@@ -206,19 +171,12 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             out.write_record(names)?;
             tables[k] = Some(Table { out, columns, mm: pixel_size });
         }
-        let mut traces = Vec::new();
-        let mut trace = |name: &str, quantity| {
-            traces.push(Trace { name: name.to_owned(), quantity, values: Vec::new() });
-        };
-        for (name, _) in &q.points {
-            PointValues::quantities(q.window).iter().for_each(|(quantity, _)| trace(name, *quantity));
-        }
-        for (name, _) in &q.extensometers {
-            crate::field::Elongation::QUANTITIES.iter().for_each(|(quantity, _)| trace(name, *quantity));
-        }
-        for (name, _) in &q.openings {
-            crate::field::Jump::QUANTITIES.iter().for_each(|(quantity, _)| trace(name, *quantity));
-        }
+        let of_points = PointValues::quantities(q.window).iter().map(|(quantity, _)| *quantity).collect::<Vec<_>>();
+        let traced = (q.points.iter().map(|(name, _)| (name, of_points.clone())))
+            .chain(q.extensometers.iter().map(|(name, _)| (name, Elongation::QUANTITIES.map(|named| named.0).to_vec())))
+            .chain(q.openings.iter().map(|(name, _)| (name, Jump::QUANTITIES.map(|named| named.0).to_vec())));
+        let trace = |name: &String, quantity| Trace { name: name.clone(), quantity, values: Vec::new() };
+        let traces = traced.flat_map(|(name, of)| of.into_iter().map(move |quantity| trace(name, quantity))).collect();
         let named = |kind: &str, name: &String| (format!("{kind} '{name}'"), 0);
         let missing = q
             .points
@@ -245,11 +203,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         })
     }
 
-    /// Writes the rows of one frame; `field` is `None` when it has none (diverged, unreadable, not done). Gives what
-    /// was drawn from the field.
-    ///
-    /// # Errors
-    /// Those of writing.
+    /// Writes the rows of one frame, whose `field` is `None` without one (diverged, unreadable); gives what was drawn.
     pub fn frame(
         &mut self,
         number: usize,
@@ -305,30 +259,30 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             for (k, (name, line)) in q.lines.iter().enumerate() {
                 for (i, (along, at)) in line.points().into_iter().enumerate() {
                     let values = drawn.and_then(|drawn| drawn.lines[k][i]);
-                    table.row(
-                        &with(&[name]),
-                        &[&[Some(along)][..], &point_cells(at, values, q.window.is_some())].concat(),
-                    )?;
+                    let cells = point_cells(at, values, q.window.is_some());
+                    table.row(&with(&[name]), &[&[Some(along)][..], &cells].concat())?;
                 }
             }
         }
         if let Some(table) = extensometers {
             for (k, (name, extensometer)) in q.extensometers.iter().enumerate() {
                 let [from, to] = extensometer.ends();
-                let mut cells = vec![Some((to[0] - from[0]).hypot(to[1] - from[1]))];
+                let mut cells = vec![Some(distance(to, from))];
                 let read = drawn.and_then(|drawn| drawn.extensometers[k]);
-                for (_, value) in crate::field::Elongation::QUANTITIES {
+                for (_, value) in Elongation::QUANTITIES {
                     cells.extend(pair(read.as_ref().map(value)));
                 }
                 table.row(&with(&[name]), &cells)?;
             }
         }
+        let at_joint =
+            |place: &[f64], jump| -> Vec<_> { place.iter().copied().map(Some).chain(jump_cells(jump)).collect() };
         if let Some(table) = openings {
             for (k, (name, facing)) in q.openings.iter().enumerate() {
                 for (i, point) in facing.points().iter().enumerate() {
                     let jump = drawn.and_then(|drawn| drawn.openings[k].points[i]);
-                    let place = [point.along, point.at[0], point.at[1], point.gap, point.normal[0], point.normal[1]];
-                    let cells: Vec<_> = place.into_iter().map(Some).chain(jump_cells(jump)).collect();
+                    let ([x, y], [nx, ny]) = (point.at, point.normal);
+                    let cells = at_joint(&[point.along, x, y, point.gap, nx, ny], jump);
                     table.row(&with(&[name, &(point.part + 1).to_string()]), &cells)?;
                 }
             }
@@ -342,8 +296,8 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             for (k, (name, crack)) in q.cracks.iter().enumerate() {
                 for (i, point) in crack.points().iter().enumerate() {
                     let jump = drawn.and_then(|drawn| drawn.cracks[k].points[i]);
-                    let place = [point.along, point.at[0], point.at[1], point.normal[0], point.normal[1]];
-                    let cells: Vec<_> = place.into_iter().map(Some).chain(jump_cells(jump)).collect();
+                    let ([x, y], [nx, ny]) = (point.at, point.normal);
+                    let cells = at_joint(&[point.along, x, y, nx, ny], jump);
                     let mark = drawn.filter(|_| jump.is_some()).map_or("", |drawn| drawn.cracks[k].marks[i].name());
                     table.row(&with(&[name, mark]), &cells)?;
                 }
@@ -362,15 +316,8 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             for removed in drawn.map_or(&[][..], |drawn| &drawn.removed) {
                 let zone = removed.zone.zip(mesh).map_or("all", |(zone, mesh)| &mesh.zones()[zone]);
                 let m = removed.motion;
-                let cells = [
-                    m.centre[0],
-                    m.centre[1],
-                    m.translation[0],
-                    m.translation[1],
-                    m.rotation_rad.to_degrees(),
-                    removed.largest,
-                    removed.left_rms,
-                ];
+                let ([x, y], [tx, ty], degrees) = (m.centre, m.translation, m.rotation_rad.to_degrees());
+                let cells = [x, y, tx, ty, degrees, removed.largest, removed.left_rms];
                 table.row(&with(&[zone]), &cells.map(Some))?;
             }
         }
@@ -401,11 +348,11 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         }
         for k in 0..q.extensometers.len() {
             let read = drawn.and_then(|drawn| drawn.extensometers[k]);
-            values.extend(crate::field::Elongation::QUANTITIES.map(|(_, value)| read.as_ref().map(value)));
+            values.extend(Elongation::QUANTITIES.map(|(_, value)| read.as_ref().map(value)));
         }
         for k in 0..q.openings.len() {
             let mean = drawn.and_then(|drawn| drawn.openings[k].mean);
-            values.extend(crate::field::Jump::QUANTITIES.map(|(_, value)| mean.as_ref().map(value)));
+            values.extend(Jump::QUANTITIES.map(|(_, value)| mean.as_ref().map(value)));
         }
         for (trace, value) in self.traces.iter_mut().zip(values) {
             trace.values.push(value);
@@ -413,9 +360,6 @@ impl<'a, W: Write> QuantityTables<'a, W> {
     }
 
     /// Closes the tables; gives the curves and what has no value.
-    ///
-    /// # Errors
-    /// Those of writing.
     pub fn finish(mut self) -> io::Result<QuantitySummary> {
         for table in self.tables.iter_mut().flatten() {
             table.out.flush()?;
@@ -516,32 +460,22 @@ fn pair(value: Option<Value>) -> [Option<f64>; 2] {
     [value.map(|v| v.value), value.map(|v| v.sigma)]
 }
 
-fn jump_cells(jump: Option<crate::field::Jump>) -> Vec<Option<f64>> {
-    crate::field::Jump::QUANTITIES.iter().flat_map(|(_, value)| pair(jump.as_ref().map(value))).collect()
+fn jump_cells(jump: Option<Jump>) -> Vec<Option<f64>> {
+    Jump::QUANTITIES.iter().flat_map(|(_, value)| pair(jump.as_ref().map(value))).collect()
 }
 
 fn point_cells(at: [f64; 2], values: Option<PointValues>, windowed: bool) -> Vec<Option<f64>> {
-    let cell = |value: fn(&PointValues) -> f64| values.as_ref().map(value);
-    let strain = values.and_then(|v| v.strain);
-    let (strain, sigma) = (strain.map(|s| s.0.components()), strain.map(|s| s.1));
-    let mut cells = vec![
-        Some(at[0]),
-        Some(at[1]),
-        cell(|v| v.displacement[0]),
-        cell(|v| v.displacement[1]),
-        cell(|v| v.sigma[0]),
-        cell(|v| v.sigma[1]),
-        strain.map(|e| e[0]),
-        strain.map(|e| e[1]),
-        strain.map(|e| e[2]),
-        sigma.map(|e| e[0]),
-        sigma.map(|e| e[1]),
-        sigma.map(|e| e[2]),
-    ];
+    let of_each = |pair: Option<[f64; 2]>| [0, 1].map(|k| pair.map(|pair| pair[k]));
+    let of_strain = |strain: Option<(TensorStrain, [f64; 3])>| {
+        let both = strain.map(|(strain, sigma)| [strain.components(), sigma]);
+        (0..6).map(move |k| both.map(|both| both[k / 3][k % 3]))
+    };
+    let mut cells = at.map(Some).to_vec();
+    cells.extend(of_each(values.map(|v| v.displacement)));
+    cells.extend(of_each(values.map(|v| v.sigma)));
+    cells.extend(of_strain(values.and_then(|v| v.strain)));
     if windowed {
-        let window = values.and_then(|v| v.window);
-        cells.extend([0, 1, 2].map(|k| window.map(|w| w.0.components()[k])));
-        cells.extend([0, 1, 2].map(|k| window.map(|w| w.1[k])));
+        cells.extend(of_strain(values.and_then(|v| v.window)));
     }
     cells
 }

@@ -45,13 +45,8 @@ pub enum RunCaseError {
     #[error(transparent)]
     Case(#[from] CaseError),
     /// Something about a section of the joint.
-    #[error("{}: {what}", path.display())]
-    Wrong {
-        /// The case file.
-        path: PathBuf,
-        /// What is wrong, and what to do.
-        what: String,
-    },
+    #[error("{}: {}", .0.display(), .1)]
+    Wrong(PathBuf, String),
 }
 
 /// Reads the case file `path`.
@@ -80,9 +75,9 @@ impl CaseDocument {
         let text = &self.text.clone();
         let mut correlation = self.part(Reader::Correlation)?;
         let mut joint = self.part(Reader::Joint)?;
-        let wrong = |what: String| RunCaseError::Wrong { path: text.path().to_owned(), what };
+        let wrong = |what: String| RunCaseError::Wrong(text.path().to_owned(), what);
         let refused = |section, key, what: String| text.refuse(section, Some(key), format!("[{section}] {what}"));
-        let missing = |section, hint| CaseError::Missing { path: text.path().to_owned(), section, hint };
+        let missing = |section, hint| CaseError::Missing(text.path().to_owned(), section, hint);
         let names = "give zones = [\"lower\", \"upper\"], the names of two [[zone]]";
         let interface = self.case.interface.ok_or_else(|| missing("interface", names))?;
         // The case of the joint is written into another folder: it holds the curves themselves.

@@ -11,42 +11,21 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SeriesError {
-    /// A glob matches no file.
-    #[error("`{pattern}` matches no file{}; check the pattern and the folder", place(pattern, folder))]
-    NoMatch {
-        /// The glob as given.
-        pattern: String,
-        /// The folder it is relative to.
-        folder: PathBuf,
-    },
-    /// An entry is a folder.
-    #[error("`{entry}` is a folder; name the files in it, for example `{entry}/*.tif`")]
-    Directory {
-        /// The entry as given, without a slash at its end.
-        entry: String,
-    },
+    /// A glob matches no file in the folder that it is relative to.
+    #[error("`{}` matches no file{}; check the pattern and the folder", .0, place(.0, .1))]
+    NoMatch(String, PathBuf),
+    /// An entry is a folder; it has no slash at its end here.
+    #[error("`{0}` is a folder; name the files in it, for example `{0}/*.tif`")]
+    Directory(String),
     /// A glob that cannot be understood.
-    #[error("`{pattern}` is not a valid pattern: {reason}")]
-    Pattern {
-        /// The glob as given.
-        pattern: String,
-        /// What is wrong.
-        reason: glob::PatternError,
-    },
+    #[error("`{0}` is not a valid pattern: {1}")]
+    Pattern(String, glob::PatternError),
     /// A name that records in text could not hold.
-    #[error("{path:?}: the name is not UTF-8 text, which tables and records need; rename the file or folder")]
-    Name {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{0:?}: the name is not UTF-8 text, which tables and records need; rename the file or folder")]
+    Name(PathBuf),
     /// A folder that a glob leads through cannot be listed.
-    #[error("`{pattern}` cannot be expanded: {reason}")]
-    Unreadable {
-        /// The glob as given.
-        pattern: String,
-        /// The folder, and why.
-        reason: glob::GlobError,
-    },
+    #[error("`{0}` cannot be expanded: {1}")]
+    Unreadable(String, glob::GlobError),
 }
 
 fn place(pattern: &str, folder: &Path) -> String {
@@ -61,11 +40,10 @@ fn place(pattern: &str, folder: &Path) -> String {
 
 /// The files that `patterns` name, in order.
 ///
-/// An entry is a file name or a glob (`*`, `?`, `[..]`, `**`), relative to `base` unless absolute. A name
-/// that exists is taken literally, also with spaces or brackets in it. The files of one glob are in natural
-/// order (`img_2` before `img_10`), the entries in the order given; a file named twice is kept once, at its
-/// first place. A plain name that does not exist is kept: what it means is for the reader of the series to say.
-/// Globs do not match hidden files.
+/// An entry is a file name or a glob (`*`, `?`, `[..]`, `**`), relative to `base` unless absolute. A name that exists
+/// is taken literally, also with spaces or brackets in it. The files of one glob are in natural order (`img_2` before
+/// `img_10`), the entries in the order given; a file named twice is kept once, at its first place. A plain name that
+/// does not exist is kept: what it means is for the reader of the series to say. Globs do not match hidden files.
 ///
 /// ```
 /// # use quadrille_io as quadrille;
@@ -81,7 +59,7 @@ pub fn expand_series(patterns: &[String], base: &Path) -> Result<Vec<PathBuf>, S
     expand(patterns, base, |entry, literal| {
         if literal.is_dir() {
             let entry = if entry.is_empty() { "." } else { entry.trim_end_matches(std::path::is_separator) }.to_owned();
-            return Err(SeriesError::Directory { entry });
+            return Err(SeriesError::Directory(entry));
         }
         Ok(())
     })
@@ -113,7 +91,7 @@ fn expand(
         }
     }
     if let Some(path) = files.iter().find(|path| path.to_str().is_none()) {
-        return Err(SeriesError::Name { path: path.clone() });
+        return Err(SeriesError::Name(path.clone()));
     }
     let mut seen = HashSet::new();
     files.retain(|file| seen.insert(file.clone()));
@@ -157,9 +135,6 @@ impl Frame {
     }
 
     /// Reads the image where it is `accepted`.
-    ///
-    /// # Errors
-    /// Those of [`read_accepted`].
     pub fn read(&self, accepted: Accepted) -> Result<Loaded, ReadError> {
         if self.is_page {
             PagedFile::open(&self.path)?.read(self.page, accepted)
@@ -212,20 +187,19 @@ fn matches(entry: &str, base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
         require_literal_separator: true,
         require_literal_leading_dot: false,
     };
-    let found = glob::glob_with(&pattern, options)
-        .map_err(|reason| SeriesError::Pattern { pattern: entry.to_owned(), reason })?;
+    let found = glob::glob_with(&pattern, options).map_err(|reason| SeriesError::Pattern(entry.to_owned(), reason))?;
     let mut files = Vec::new();
     for file in found {
-        let file = file.map_err(|reason| SeriesError::Unreadable { pattern: entry.to_owned(), reason })?;
+        let file = file.map_err(|reason| SeriesError::Unreadable(entry.to_owned(), reason))?;
         if !is_hidden(&file, &pattern) && !file.is_dir() {
             files.push(file);
         }
     }
     if let Some(path) = not_text(&files, &pattern) {
-        return Err(SeriesError::Name { path });
+        return Err(SeriesError::Name(path));
     }
     if files.is_empty() {
-        return Err(SeriesError::NoMatch { pattern: entry.to_owned(), folder: base.to_owned() });
+        return Err(SeriesError::NoMatch(entry.to_owned(), base.to_owned()));
     }
     files.sort_by(|a, b| natural_order(a, b));
     Ok(files)
@@ -257,8 +231,7 @@ fn not_text(found: &[PathBuf], pattern: &str) -> Option<PathBuf> {
     entries.map(|entry| entry.path()).find(|path| path.file_name().is_some_and(lost))
 }
 
-/// The order of the files of a series: component by component, numbers by value, whatever their leading zeros; ties by
-/// the plain order.
+/// The order of a series: component by component, numbers by value with any leading zeros, ties by the plain order.
 pub fn natural_order(a: &Path, b: &Path) -> Ordering {
     let natural = |(a, b): (std::path::Component, std::path::Component)| {
         alphanumeric_sort::compare_str(a.as_os_str().to_string_lossy(), b.as_os_str().to_string_lossy())

@@ -50,14 +50,12 @@ pub(super) struct PageList {
 }
 
 impl PageList {
-    /// The pages of the file `bytes`.
     pub(super) fn of(bytes: &[u8]) -> Result<Self, ImageFault> {
         let file = ByteLayout::of(bytes)?;
         let (offsets, complete) = file.pages(bytes)?;
         Ok(Self { file, offsets, complete })
     }
 
-    /// Number of pages.
     pub(super) fn len(&self) -> usize {
         self.offsets.len()
     }
@@ -127,13 +125,8 @@ impl ByteLayout {
         }
     }
 
-    /// Size of an offset.
+    /// Size of an offset, and the place of that of the first page.
     fn word(self) -> usize {
-        if self.big { 8 } else { 4 }
-    }
-
-    /// Place of the offset of the first page.
-    fn first(self) -> usize {
         if self.big { 8 } else { 4 }
     }
 
@@ -146,7 +139,7 @@ impl ByteLayout {
     fn pages(self, bytes: &[u8]) -> Result<(Vec<usize>, bool), ImageFault> {
         let missing = || ImageFault::Truncated("the directory of the first page is missing".into());
         let (head, size) = self.entry();
-        let mut at = self.number(bytes, self.first(), self.word()).ok_or_else(missing)?;
+        let mut at = self.number(bytes, self.word(), self.word()).ok_or_else(missing)?;
         let (mut pages, mut seen) = (Vec::new(), HashSet::new());
         while at != 0 {
             // The next offset stands behind the last entry.
@@ -358,29 +351,25 @@ impl Directory {
         let unpacked = row.saturating_mul(rows);
         check_size(accepted, width, height, unpacked, ratio, bytes.len())?;
         // What remains fits in memory, and so in these types, but for tiles of absurd shape.
-        let small = |n: u128| u32::try_from(n).map(|n| n as usize);
         let odd = |_| ImageFault::Unsupported("tiles of this shape".into());
+        let small = |n: u128| u32::try_from(n).map(|n| n as usize).map_err(odd);
         Ok(Storage {
-            width: small(width.into()).map_err(odd)?,
-            height: small(height.into()).map_err(odd)?,
+            width: small(width.into())?,
+            height: small(height.into())?,
             bits: bits as usize,
             samples: samples as usize,
             photometric,
             planar: self.value(bytes, PLANAR) == Some(2) && samples > 1,
-            tile: match tile {
-                Some((w, h)) => Some((small(w.into()).map_err(odd)?, small(h.into()).map_err(odd)?)),
-                None => None,
-            },
-            columns: small(columns.into()).map_err(odd)?,
-            rows: small(rows).map_err(odd)?,
+            tile: tile.map(|(w, h)| Ok::<_, ImageFault>((small(w.into())?, small(h.into())?))).transpose()?,
+            columns: small(columns.into())?,
+            rows: small(rows)?,
             unpacked: usize::try_from(unpacked).unwrap_or(usize::MAX),
         })
     }
 
-    /// Edits the file so that the decoder sees this page alone, as grey levels of whole bytes, in strips or in
-    /// one column of tiles.
+    /// Edits the file so that the decoder sees this page alone: whole bytes, in strips or one column of tiles.
     fn simplify(&self, stored: &Storage, bytes: &mut [u8]) -> Result<(), ImageFault> {
-        self.file.set(bytes, self.file.first(), self.file.word(), self.offset as u64);
+        self.file.set(bytes, self.file.word(), self.file.word(), self.offset as u64);
         self.file.set(bytes, self.next, self.file.word(), 0); // a list that ends here has no loops
         self.replace(bytes, PHOTOMETRIC, 1);
         if stored.samples == 1 {
@@ -416,7 +405,6 @@ impl Directory {
     }
 }
 
-/// How a page is stored.
 struct Storage {
     width: usize,
     height: usize,

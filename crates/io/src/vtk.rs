@@ -20,12 +20,9 @@ const HIDDEN_CELL: u8 = 32;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum VtkError {
-    /// Residuals cannot be given in per cent of this range.
-    #[error("residuals in per cent need a dynamic range above zero, not {range} grey levels")]
-    DynamicRange {
-        /// The range asked for, grey levels.
-        range: f64,
-    },
+    /// Residuals cannot be given in per cent of this range, grey levels.
+    #[error("residuals in per cent need a dynamic range above zero, not {0} grey levels")]
+    DynamicRange(f64),
     /// The file cannot be written.
     #[error("the VTK file cannot be written")]
     Write(#[from] io::Error),
@@ -33,32 +30,31 @@ pub enum VtkError {
 
 /// Writes `measurement` as a VTK unstructured grid of quadrilaterals (XML, binary inline, little-endian).
 ///
-/// Points are the nodes at `(x, y, 0)`, in px and with **y down** as in the image (in ParaView, turn the
-/// view about x by 180 degrees to see it as the image). Point data: `displacement_px` and `sigma_px`
-/// (three components, z zero) and `measured`, 1 or 0: a node that was not measured stays in the file
-/// with displacement zero and is hidden, as are its elements, by `vtkGhostType` of points (2) and cells (32), so that
-/// warping closes no hole. Cell data: `residual_grey`, the root mean square
-/// of `f - g` in grey levels; `residual_percent`, the same in per cent of `dynamic_range` (grey levels);
-/// and `zone`, numbered from 0. Where they are known, `model_error_px` of the nodes beside `sigma_px`, and `misfit_px`
-/// of the elements ([`crate::field::ModelError`]); `displacement_point_px`, `sigma_point_px` and `is_point_value`, the
-/// displacement as a value at the point ([`crate::field::PointField`]) beside the coefficient `displacement_px`; and
-/// `mark` of both, what is the matter with an element ([`ElementMark::code`]). With a `strain`, `strain_node` and
-/// `strain_element`: three components exx, eyy, exy without dimension, NaN where they are not known; with one over a
-/// window of nodes `strain_window` and `sigma_strain_window` of the nodes. Field data: `converged`, 1 or 0,
-/// `status_code` ([`Status::code`]), and `dynamic_range_grey`. A comment at
-/// the head holds `title`, status, units and zone names.
+/// Points are the nodes at `(x, y, 0)`, in px and with **y down** as in the image (in ParaView, turn the view about x
+/// by 180 degrees to see it as the image). Point data: `displacement_px` and `sigma_px` (three components, z zero) and
+/// `measured`, 1 or 0: a node that was not measured stays in the file with displacement zero and is hidden, as are its
+/// elements, by `vtkGhostType` of points (2) and cells (32), so that warping closes no hole. Cell data:
+/// `residual_grey`, the root mean square of `f - g` in grey levels; `residual_percent`, the same in per cent of
+/// `dynamic_range` (grey levels); and `zone`, numbered from 0. Where they are known, `model_error_px` of the nodes
+/// beside `sigma_px`, and `misfit_px` of the elements ([`crate::field::ModelError`]); `displacement_point_px`,
+/// `sigma_point_px` and `is_point_value`, the displacement as a value at the point ([`crate::field::PointField`])
+/// beside the coefficient `displacement_px`; and `mark` of both, what is the matter with an element
+/// ([`ElementMark::code`]). With a `strain`, `strain_node` and `strain_element`: three components exx, eyy, exy without
+/// dimension, NaN where they are not known; with one over a window of nodes `strain_window` and `sigma_strain_window`
+/// of the nodes. Field data: `converged`, 1 or 0, `status_code` ([`Status::code`]), and `dynamic_range_grey`. A comment
+/// at the head holds `title`, status, units and zone names.
 ///
 /// # Errors
 /// A dynamic range that is not positive, and the errors of `out`.
 pub fn write_vtu<W: Write>(
-    mut out: W,
+    out: W,
     title: &str,
     measurement: &Measurement<Px>,
     strain: Option<&StrainField>,
     dynamic_range: f64,
 ) -> Result<(), VtkError> {
     if !(dynamic_range > 0.0 && dynamic_range.is_finite()) {
-        return Err(VtkError::DynamicRange { range: dynamic_range });
+        return Err(VtkError::DynamicRange(dynamic_range));
     }
     let mesh = &measurement.mesh;
     let measured = || measurement.measured.iter().copied();
@@ -69,7 +65,9 @@ pub fn write_vtu<W: Write>(
     let points: Vec<[f64; 3]> = mesh.nodes().iter().map(|&[x, y]| [x, y, 0.0]).collect();
     let displacement = spatial(&measurement.displacement);
     // Single precision as in the store: the file of a stored frame is that of the run, to the last bit.
-    let sigma: Vec<[f32; 3]> = spatial(&measurement.sigma).into_iter().map(|v| v.map(|v| v as f32)).collect();
+    let single =
+        |pairs: &[[f64; 2]]| -> Vec<[f32; 3]> { spatial(pairs).into_iter().map(|v| v.map(|v| v as f32)).collect() };
+    let sigma = single(&measurement.sigma);
     let measured: Vec<u8> = measured().map(u8::from).collect();
     // Of every frame, or ParaView would lose the array along a series.
     let hidden: Vec<u8> = measured.iter().map(|&measured| if measured == 1 { 0 } else { HIDDEN_POINT }).collect();
@@ -81,12 +79,10 @@ pub fn write_vtu<W: Write>(
     let residual_percent: Vec<f32> = residual.iter().map(|&r| (100.0 * f64::from(r) / dynamic_range) as f32).collect();
     let points_of = measurement.points.as_ref();
     let point = points_of.map(|points| spatial(&points.displacement));
-    let point_sigma: Option<Vec<[f32; 3]>> =
-        points_of.map(|points| spatial(&points.sigma).into_iter().map(|v| v.map(|v| v as f32)).collect());
+    let point_sigma = points_of.map(|points| single(&points.sigma));
     let is_value: Option<Vec<u8>> = points_of.map(|points| points.is_value.iter().copied().map(u8::from).collect());
     let model = measurement.model_error.as_ref();
-    let model_error: Option<Vec<[f32; 3]>> =
-        model.map(|model| spatial(&model.nodes).into_iter().map(|v| v.map(|v| v as f32)).collect());
+    let model_error = model.map(|model| single(&model.nodes));
     let misfit: Option<Vec<f32>> = model.map(|model| model.misfit.iter().map(|&v| v as f32).collect());
     let codes = |marks: Vec<ElementMark>| -> Vec<u8> { marks.into_iter().map(ElementMark::code).collect() };
     let (mark_nodes, mark) = (measurement.node_marks().map(codes), measurement.marks.clone().map(codes));
@@ -97,59 +93,76 @@ pub fn write_vtu<W: Write>(
     let types = vec![VTK_QUAD; mesh.n_elements()];
     let converged = [u8::from(measurement.status == Status::Converged)];
 
+    write_file(out, &comment(title, measurement, strain, dynamic_range), |xml| {
+        inside(xml, "FieldData", &[], |xml| {
+            one_value(xml, "converged", &converged)?;
+            one_value(xml, "status_code", &[measurement.status.code()])?;
+            one_value(xml, "dynamic_range_grey", &[dynamic_range])
+        })?;
+        let size = [("NumberOfPoints", mesh.n_nodes()), ("NumberOfCells", mesh.n_elements())];
+        inside(xml, "Piece", &size, |xml| {
+            inside(xml, "PointData", &[], |xml| {
+                vectors(xml, "displacement_px", &displacement)?;
+                vectors(xml, "sigma_px", &sigma)?;
+                point.as_ref().map_or(Ok(()), |point| vectors(xml, "displacement_point_px", point))?;
+                point_sigma.as_ref().map_or(Ok(()), |sigma| vectors(xml, "sigma_point_px", sigma))?;
+                is_value.as_ref().map_or(Ok(()), |value| scalars(xml, "is_point_value", value))?;
+                model_error.as_ref().map_or(Ok(()), |error| vectors(xml, "model_error_px", error))?;
+                scalars(xml, "measured", &measured)?;
+                mark_nodes.as_ref().map_or(Ok(()), |mark| scalars(xml, "mark", mark))?;
+                scalars(xml, GHOSTS, &hidden)?;
+                strain.map_or(Ok(()), |strain| strains(xml, "strain_node", &strain.nodes))?;
+                strain.and_then(|strain| strain.window.as_ref()).map_or(Ok(()), |strains| window(xml, strains))
+            })?;
+            inside(xml, "CellData", &[], |xml| {
+                scalars(xml, "residual_grey", &residual)?;
+                scalars(xml, "residual_percent", &residual_percent)?;
+                misfit.as_ref().map_or(Ok(()), |misfit| scalars(xml, "misfit_px", misfit))?;
+                mark.as_ref().map_or(Ok(()), |mark| scalars(xml, "mark", mark))?;
+                scalars(xml, "zone", &zone)?;
+                scalars(xml, GHOSTS, &hidden_cells)?;
+                strain.map_or(Ok(()), |strain| strains(xml, "strain_element", &strain.elements))
+            })?;
+            write_cells(xml, &points, &connectivity, &offsets, &types)
+        })
+    })
+}
+
+/// A file of an unstructured grid, with a `comment` at its head.
+fn write_file<W: Write>(
+    mut out: W,
+    comment: &str,
+    content: impl FnOnce(&mut Writer<&mut W>) -> io::Result<()>,
+) -> Result<(), VtkError> {
     let mut xml = Writer::new_with_indent(&mut out, b' ', 1);
     xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
-    let comment = format!("\n{}\n", comment(title, measurement, strain, dynamic_range));
-    xml.write_event(Event::Comment(BytesText::from_escaped(comment)))?;
+    xml.write_event(Event::Comment(BytesText::from_escaped(format!("\n{comment}\n"))))?;
     let file = xml.create_element("VTKFile").with_attributes([
         ("type", "UnstructuredGrid"),
         ("version", "1.0"), // the first with 64-bit headers; meshio knows no later one
         ("byte_order", "LittleEndian"),
         ("header_type", "UInt64"),
     ]);
-    file.write_inner_content(|xml| {
-        inside(xml, "UnstructuredGrid", &[], |xml| {
-            inside(xml, "FieldData", &[], |xml| {
-                one_value(xml, "converged", &converged)?;
-                one_value(xml, "status_code", &[measurement.status.code()])?;
-                one_value(xml, "dynamic_range_grey", &[dynamic_range])
-            })?;
-            let size = [("NumberOfPoints", mesh.n_nodes()), ("NumberOfCells", mesh.n_elements())];
-            inside(xml, "Piece", &size, |xml| {
-                inside(xml, "PointData", &[], |xml| {
-                    vectors(xml, "displacement_px", &displacement)?;
-                    vectors(xml, "sigma_px", &sigma)?;
-                    point.as_ref().map_or(Ok(()), |point| vectors(xml, "displacement_point_px", point))?;
-                    point_sigma.as_ref().map_or(Ok(()), |sigma| vectors(xml, "sigma_point_px", sigma))?;
-                    is_value.as_ref().map_or(Ok(()), |value| scalars(xml, "is_point_value", value))?;
-                    model_error.as_ref().map_or(Ok(()), |error| vectors(xml, "model_error_px", error))?;
-                    scalars(xml, "measured", &measured)?;
-                    mark_nodes.as_ref().map_or(Ok(()), |mark| scalars(xml, "mark", mark))?;
-                    scalars(xml, GHOSTS, &hidden)?;
-                    strain.map_or(Ok(()), |strain| strains(xml, "strain_node", &strain.nodes))?;
-                    strain.and_then(|strain| strain.window.as_ref()).map_or(Ok(()), |strains| window(xml, strains))
-                })?;
-                inside(xml, "CellData", &[], |xml| {
-                    scalars(xml, "residual_grey", &residual)?;
-                    scalars(xml, "residual_percent", &residual_percent)?;
-                    misfit.as_ref().map_or(Ok(()), |misfit| scalars(xml, "misfit_px", misfit))?;
-                    mark.as_ref().map_or(Ok(()), |mark| scalars(xml, "mark", mark))?;
-                    scalars(xml, "zone", &zone)?;
-                    scalars(xml, GHOSTS, &hidden_cells)?;
-                    strain.map_or(Ok(()), |strain| strains(xml, "strain_element", &strain.elements))
-                })?;
-                inside(xml, "Points", &[], |xml| vectors(xml, "Points", &points))?;
-                inside(xml, "Cells", &[], |xml| {
-                    scalars(xml, "connectivity", &connectivity)?;
-                    scalars(xml, "offsets", &offsets)?;
-                    scalars(xml, "types", &types)
-                })
-            })
-        })
-    })?;
+    file.write_inner_content(|xml| inside(xml, "UnstructuredGrid", &[], content))?;
     writeln!(out)?;
     out.flush()?;
     Ok(())
+}
+
+/// Points and cells, which end a piece.
+fn write_cells<W: Write>(
+    xml: &mut Writer<W>,
+    points: &[[f64; 3]],
+    connectivity: &[i64],
+    offsets: &[i64],
+    types: &[u8],
+) -> io::Result<()> {
+    inside(xml, "Points", &[], |xml| vectors(xml, "Points", points))?;
+    inside(xml, "Cells", &[], |xml| {
+        scalars(xml, "connectivity", connectivity)?;
+        scalars(xml, "offsets", offsets)?;
+        scalars(xml, "types", types)
+    })
 }
 
 /// The element `name`, with `content` in it.
@@ -283,9 +296,6 @@ fn is_xml(character: char) -> bool {
 /// let line = r#"<DataSet timestep="0.5" part="0" file="vtu/frame_0001.vtu"/>"#;
 /// assert!(String::from_utf8(list).unwrap().contains(line));
 /// ```
-///
-/// # Errors
-/// Those of `out`.
 pub fn write_pvd<W: Write>(mut out: W, entries: &[(f64, String)]) -> Result<(), VtkError> {
     let mut xml = Writer::new_with_indent(&mut out, b' ', 1);
     xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
@@ -333,7 +343,7 @@ impl GridValues {
 /// # Panics
 /// When a cell has another number of points.
 pub fn write_grid<W: Write>(
-    mut out: W,
+    out: W,
     title: &str,
     points: &[[f64; 2]],
     cells: &[Vec<u32>],
@@ -357,32 +367,13 @@ pub fn write_grid<W: Write>(
         n => panic!("a cell of {n} points"),
     };
     let types: Vec<u8> = cells.iter().map(kind).collect();
-    let mut xml = Writer::new_with_indent(&mut out, b' ', 1);
-    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
     let title: String = title.replace("--", "- -").chars().filter(|&c| is_xml(c)).collect();
-    xml.write_event(Event::Comment(BytesText::from_escaped(format!("\n{title}\n"))))?;
-    let file = xml.create_element("VTKFile").with_attributes([
-        ("type", "UnstructuredGrid"),
-        ("version", "1.0"),
-        ("byte_order", "LittleEndian"),
-        ("header_type", "UInt64"),
-    ]);
-    file.write_inner_content(|xml| {
-        inside(xml, "UnstructuredGrid", &[], |xml| {
-            let size = [("NumberOfPoints", points.len()), ("NumberOfCells", cells.len())];
-            inside(xml, "Piece", &size, |xml| {
-                inside(xml, "PointData", &[], |xml| at_points.iter().try_for_each(|values| values.write(xml)))?;
-                inside(xml, "CellData", &[], |xml| at_cells.iter().try_for_each(|values| values.write(xml)))?;
-                inside(xml, "Points", &[], |xml| vectors(xml, "Points", &points))?;
-                inside(xml, "Cells", &[], |xml| {
-                    scalars(xml, "connectivity", &connectivity)?;
-                    scalars(xml, "offsets", &offsets)?;
-                    scalars(xml, "types", &types)
-                })
-            })
+    write_file(out, &title, |xml| {
+        let size = [("NumberOfPoints", points.len()), ("NumberOfCells", cells.len())];
+        inside(xml, "Piece", &size, |xml| {
+            inside(xml, "PointData", &[], |xml| at_points.iter().try_for_each(|values| values.write(xml)))?;
+            inside(xml, "CellData", &[], |xml| at_cells.iter().try_for_each(|values| values.write(xml)))?;
+            write_cells(xml, &points, &connectivity, &offsets, &types)
         })
-    })?;
-    writeln!(out)?;
-    out.flush()?;
-    Ok(())
+    })
 }

@@ -12,8 +12,7 @@ use thiserror::Error;
 
 /// Endings of the names of images, where no pattern says which files are meant.
 const ENDINGS: [&str; 10] = ["tif", "tiff", "btf", "png", "bmp", "jpg", "jpeg", "pgm", "ppm", "pnm"];
-/// A file that has been the same for so many times the settling time and is still no image is given up; others wait
-/// as long for one that comes before them.
+/// A file that has not changed for so many settling times and is no image is given up; later ones wait as long.
 const PATIENCE: u32 = 10;
 /// A file that has not been the same for once after so many times the settling time is given up as well.
 const LONGEST: u32 = 100;
@@ -25,27 +24,14 @@ const LOOKS: u32 = 5;
 #[non_exhaustive]
 pub enum WatchError {
     /// There is no such folder.
-    #[error("{}: there is no such folder; name the one that the camera writes into", path.display())]
-    NoFolder {
-        /// What was named.
-        path: PathBuf,
-    },
+    #[error("{}: there is no such folder; name the one that the camera writes into", .0.display())]
+    NoFolder(PathBuf),
     /// A pattern that cannot be understood.
-    #[error("`{pattern}` is not a valid pattern: {reason}")]
-    Pattern {
-        /// The pattern as given.
-        pattern: String,
-        /// What is wrong.
-        reason: PatternError,
-    },
+    #[error("`{0}` is not a valid pattern: {1}")]
+    Pattern(String, PatternError),
     /// A pattern that leads through folders.
-    #[error(
-        "`{pattern}` names files of other folders; give a pattern of names in the one that is watched, such as '*.tif'"
-    )]
-    Folders {
-        /// The pattern as given.
-        pattern: String,
-    },
+    #[error("`{0}` names files of other folders; give a pattern of names in the one that is watched, such as '*.tif'")]
+    Folders(String),
 }
 
 /// What tells that a file has changed.
@@ -76,9 +62,8 @@ struct Seen {
 
 /// A folder that a camera writes into.
 ///
-/// It is looked at again and again: systems tell of changes on their own disks only, not on those of the network. A
-/// file has settled when size and time of change were the same for a while, as seen from here: clocks of other machines
-/// do not matter.
+/// It is looked at again and again: systems tell of changes on their own disks only. A file has settled when size and
+/// time of change were the same for a while, as seen from here: clocks of other machines do not matter.
 ///
 /// ```
 /// # use quadrille_io as quadrille;
@@ -112,13 +97,13 @@ impl WatchedFolder {
     /// No such folder, a pattern that is not one of names.
     pub fn new(path: &Path, pattern: Option<&str>, settle: Duration) -> Result<Self, WatchError> {
         if !path.is_dir() {
-            return Err(WatchError::NoFolder { path: path.to_owned() });
+            return Err(WatchError::NoFolder(path.to_owned()));
         }
         let compiled = |text: &str| {
             if text.contains(std::path::is_separator) {
-                return Err(WatchError::Folders { pattern: text.to_owned() });
+                return Err(WatchError::Folders(text.to_owned()));
             }
-            Pattern::new(text).map_err(|reason| WatchError::Pattern { pattern: text.to_owned(), reason })
+            Pattern::new(text).map_err(|reason| WatchError::Pattern(text.to_owned(), reason))
         };
         Ok(Self {
             path: path.to_owned(),
@@ -223,9 +208,8 @@ impl WatchedFolder {
     }
 }
 
-/// Reads a frame whose file has settled, and makes sure that it was whole: an image that cannot be decoded, or whose
-/// file changes meanwhile, is read again when it has been the same for `settle` anew. None when it is not `wanted` any
-/// more.
+/// Reads a frame whose file has settled, and makes sure that it was whole: an image that cannot be decoded, or changes
+/// meanwhile, is read again when it has been the same for `settle` anew. None when no longer `wanted`.
 ///
 /// What has not become an image in ten times that since its last change has the error of the last attempt.
 pub fn read_whole(
@@ -250,7 +234,7 @@ pub fn read_whole(
             continue;
         }
         if begin.elapsed() >= LONGEST * settle {
-            return Some(Err(ReadError::Changing { path: frame.path.clone() }));
+            return Some(Err(ReadError::Changing(frame.path.clone())));
         }
         if !wanted() {
             return None;

@@ -15,8 +15,7 @@ pub enum ElementMark {
     None,
     /// Its residual is beyond noise: the field does not follow the displacement there, or the image has changed.
     Misfit,
-    /// What it shows stays where it is while the specimen moves: dust, a reflection, something that is not the
-    /// specimen.
+    /// What it shows stays where it is while the specimen moves: dust, a reflection, something off the specimen.
     Still,
     /// It sees no texture in the reference.
     NoTexture,
@@ -33,18 +32,9 @@ impl ElementMark {
     pub const ALL: [Self; 6] =
         [Self::Misfit, Self::Still, Self::NoTexture, Self::LeftImage, Self::Saturated, Self::NoMatch];
 
-    /// Number used where a file cannot hold a word: 0 none, 1 misfit, 2 still, 3 no texture, 4 left image, 5 saturated,
-    /// 6 no match.
+    /// Number in files without words: 0 none, 1 misfit, 2 still, 3 no texture, 4 left image, 5 saturated, 6 no match.
     pub fn code(self) -> u8 {
-        match self {
-            Self::None => 0,
-            Self::Misfit => 1,
-            Self::Still => 2,
-            Self::NoTexture => 3,
-            Self::LeftImage => 4,
-            Self::Saturated => 5,
-            Self::NoMatch => 6,
-        }
+        self as u8
     }
 
     /// The mark with this [`code`](Self::code).
@@ -79,10 +69,7 @@ impl ElementMark {
 
     /// Whether the element is in no sum: nothing was measured on it.
     pub fn is_left_out(self) -> bool {
-        match self {
-            Self::None | Self::Misfit | Self::Still => false,
-            Self::NoTexture | Self::LeftImage | Self::Saturated | Self::NoMatch => true,
-        }
+        matches!(self, Self::NoTexture | Self::LeftImage | Self::Saturated | Self::NoMatch)
     }
 
     /// What it says to a reader.

@@ -1,7 +1,7 @@
 //! A measured displacement field.
 
 use super::mark::{ElementMark, Marked};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, corners_of};
 use crate::units::{Length, Mm, PixelSize, Px, Vector};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -30,17 +30,9 @@ impl Status {
     pub const ALL: [Self; 6] =
         [Self::Converged, Self::IterationLimit, Self::Diverged, Self::LeftImage, Self::Unreadable, Self::Ambiguous];
 
-    /// Number used where a file cannot hold a word: 0 converged, 1 iteration limit, 2 diverged, 3 left the
-    /// image, 4 unreadable, 5 ambiguous.
+    /// Number in files: 0 converged, 1 iteration limit, 2 diverged, 3 left the image, 4 unreadable, 5 ambiguous.
     pub fn code(self) -> u8 {
-        match self {
-            Status::Converged => 0,
-            Status::IterationLimit => 1,
-            Status::Diverged => 2,
-            Status::LeftImage => 3,
-            Status::Unreadable => 4,
-            Status::Ambiguous => 5,
-        }
+        self as u8
     }
 
     /// The status with this [`code`](Self::code).
@@ -76,8 +68,7 @@ impl Status {
     }
 }
 
-/// What a field may be off beyond noise, as far as the field and its residual show (THEORY 11): estimates, in `U`, of
-/// sizes and not of signs.
+/// What a field may be off beyond noise, as it and its residual show (THEORY 11): sizes without signs, in `U`.
 ///
 /// Where the truth is smooth and well resolved the nodal error comes out right within a small factor. Of noise it holds
 /// next to nothing: that is what the standard uncertainty says.
@@ -90,16 +81,14 @@ pub struct ModelError {
     pub misfit: Vec<f64>,
 }
 
-/// Displacements at the nodes as values at points, beside the coefficients of [`Measurement::displacement`] (THEORY
-/// 17).
+/// Displacements at the nodes as values at points, beside the coefficients [`Measurement::displacement`] (THEORY 17).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PointField {
     /// Displacement at each node, in `U`; zero where the node was not measured.
     pub displacement: Vec<[f64; 2]>,
     /// Its standard uncertainty.
     pub sigma: Vec<[f64; 2]>,
-    /// Whether it is a value; where not, it is the coefficient as it stands: too few measured nodes are near, or the
-    /// field was regularised.
+    /// Whether it is a value, not the bare coefficient: too few measured nodes are near, or the field was regularised.
     pub is_value: Vec<bool>,
 }
 
@@ -152,13 +141,11 @@ pub struct Measurement<U: Length> {
     pub measured: Vec<bool>,
     /// Root mean square of the residual `f - g` in each element, in grey levels.
     pub element_residual: Vec<f64>,
-    /// What the field may be off beyond noise, in `U`; `None` where nothing made an estimate, as in stores of earlier
-    /// versions.
+    /// What the field may be off beyond noise, in `U`; `None` where nothing estimated it, as in earlier stores.
     pub model_error: Option<ModelError>,
     /// What is the matter with each element; `None` where nobody looked, as in stores of earlier versions.
     pub marks: Option<Vec<ElementMark>>,
-    /// The displacements at the nodes as values at points (THEORY 17); `None` where nobody made them, as in stores of
-    /// earlier versions.
+    /// The displacements at the nodes as values at points (THEORY 17); `None` where nobody made them: earlier stores.
     pub points: Option<PointField>,
 }
 
@@ -194,8 +181,7 @@ impl Measurement<Px> {
 }
 
 impl<U: Length> Measurement<U> {
-    /// Displacement of each node as it is read at a point: [`Measurement::points`] where they are known, else the
-    /// coefficients.
+    /// Displacement of each node as read at a point: [`Measurement::points`] where known, else the coefficients.
     pub fn at_points(&self) -> &[[f64; 2]] {
         self.points.as_ref().map_or(&self.displacement, |points| &points.displacement)
     }
@@ -205,8 +191,7 @@ impl<U: Length> Measurement<U> {
         self.points.as_ref().map_or(&self.sigma, |points| &points.sigma)
     }
 
-    /// The mark of each node: the gravest of its elements, [`ElementMark::None`] where none has one; `None` where
-    /// nobody looked.
+    /// The mark of each node: the gravest of its elements, or [`ElementMark::None`]; `None` where nobody looked.
     pub fn node_marks(&self) -> Option<Vec<ElementMark>> {
         let marks = self.marks.as_ref()?;
         let mut nodes = vec![ElementMark::None; self.mesh.n_nodes()];
@@ -242,8 +227,7 @@ impl<U: Length> Measurement<U> {
         self.sigma.iter().zip(&self.measured).map(is_doubtful).collect()
     }
 
-    /// Which elements are hatched in maps: those with a node to be [doubted](Self::doubtful), and those whose
-    /// displacement is marked as doubtful.
+    /// Which elements are hatched in maps: with a node to be [doubted](Self::doubtful) or a mark of doubt of their own.
     pub fn hatched(&self) -> Vec<bool> {
         let nodes = self.doubtful();
         let by_node = self.mesh.elements().iter().map(|of| of.iter().any(|&node| nodes[node as usize]));
@@ -257,8 +241,7 @@ impl<U: Length> Measurement<U> {
         let not_followed = &self.model_error.as_ref()?.misfit;
         let elements = not_followed.iter().filter(|&&v| v > 0.0).count();
         let worst = (0..not_followed.len()).max_by(|&a, &b| not_followed[a].total_cmp(&not_followed[b]))?;
-        let nodes = self.mesh.elements().get(worst)?;
-        let sides = if nodes[2] == nodes[3] { 3 } else { 4 };
+        let sides = corners_of(self.mesh.elements().get(worst)?).len();
         let corners = self.mesh.corners(worst);
         let middle = [0, 1].map(|c| corners[..sides].iter().map(|p| p[c]).sum::<f64>() / sides as f64);
         // An element that has left the image, or has no texture, has no residual.

@@ -1,5 +1,4 @@
-//! What a correlation gives: displacement fields with their uncertainty, strains and rigid motions; and the
-//! choices it is run with.
+//! What a correlation gives: displacements with their uncertainty, strains, rigid motions; and its choices.
 
 mod mark;
 mod measurement;

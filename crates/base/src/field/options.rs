@@ -19,6 +19,19 @@ pub struct UnknownChoice {
     pub expected: &'static str,
 }
 
+impl UnknownChoice {
+    /// The one of `all` whose name is `word`.
+    pub(in crate::field) fn or_one_of<T: Copy>(
+        all: &[T],
+        name: fn(T) -> &'static str,
+        word: &str,
+        [option, expected]: [&'static str; 2],
+    ) -> Result<T, Self> {
+        let found = all.iter().copied().find(|&choice| name(choice) == word);
+        found.ok_or_else(|| Self { option, given: word.to_owned(), expected })
+    }
+}
+
 /// The change of brightness and contrast that is found along with the displacement:
 /// `f = (1 + c) g + d`, with `f` the reference and `g` the deformed image.
 ///
@@ -78,11 +91,8 @@ impl FromStr for Brightness {
     type Err = UnknownChoice;
 
     fn from_str(word: &str) -> Result<Self, UnknownChoice> {
-        Brightness::ALL.into_iter().find(|b| b.name() == word).ok_or_else(|| UnknownChoice {
-            option: "brightness",
-            given: word.to_owned(),
-            expected: "auto, zone, smooth, element or off",
-        })
+        let told = ["brightness", "auto, zone, smooth, element or off"];
+        UnknownChoice::or_one_of(&Self::ALL, Self::name, word, told)
     }
 }
 
@@ -126,11 +136,9 @@ impl FromStr for StartFrom {
     type Err = UnknownChoice;
 
     fn from_str(word: &str) -> Result<Self, UnknownChoice> {
-        match word {
-            "previous" => Ok(StartFrom::Previous),
-            "independent" | "cold" => Ok(StartFrom::Independent),
-            _ => Err(UnknownChoice { option: "start", given: word.to_owned(), expected: "previous or independent" }),
-        }
+        let word = if word == "cold" { "independent" } else { word };
+        let told = ["start", "previous or independent"];
+        UnknownChoice::or_one_of(&[Self::Previous, Self::Independent], Self::name, word, told)
     }
 }
 
@@ -175,14 +183,8 @@ impl FromStr for RegularisationKind {
     type Err = UnknownChoice;
 
     fn from_str(word: &str) -> Result<Self, UnknownChoice> {
-        [RegularisationKind::None, RegularisationKind::Tikhonov, RegularisationKind::EquilibriumGap]
-            .into_iter()
-            .find(|kind| kind.name() == word)
-            .ok_or_else(|| UnknownChoice {
-                option: "regularisation",
-                given: word.to_owned(),
-                expected: "none, tikhonov or equilibrium-gap",
-            })
+        let told = ["regularisation", "none, tikhonov or equilibrium-gap"];
+        UnknownChoice::or_one_of(&[Self::None, Self::Tikhonov, Self::EquilibriumGap], Self::name, word, told)
     }
 }
 
@@ -225,9 +227,8 @@ impl FromStr for Elements {
     type Err = UnknownChoice;
 
     fn from_str(word: &str) -> Result<Self, UnknownChoice> {
-        [Self::Bilinear, Self::CubicSpline].into_iter().find(|elements| elements.name() == word).ok_or_else(|| {
-            UnknownChoice { option: "elements", given: word.to_owned(), expected: "bilinear or cubic-spline" }
-        })
+        let told = ["elements", "bilinear or cubic-spline"];
+        UnknownChoice::or_one_of(&[Self::Bilinear, Self::CubicSpline], Self::name, word, told)
     }
 }
 

@@ -1,8 +1,7 @@
 //! Strains from a displacement field.
 //!
-//! The gradient of the displacement comes from the shape functions of the elements, the strain from
-//! `F = I + grad u`. Everything is `f64`; the shear is that of the tensor, `exy = (du_x/dy + du_y/dx)/2` for
-//! small strains: half the change of a right angle.
+//! The gradient of the displacement comes from the shape functions, the strain from `F = I + grad u`, all in `f64`; the
+//! shear is that of the tensor, `exy = (du_x/dy + du_y/dx)/2` for small strains: half the change of a right angle.
 
 use super::UnknownChoice;
 use schemars::JsonSchema;
@@ -34,8 +33,6 @@ pub enum StrainDefinition {
 }
 
 impl StrainDefinition {
-    const ALL: [Self; 3] = [Self::Infinitesimal, Self::GreenLagrange, Self::Hencky];
-
     /// Name used in options and files.
     pub fn name(self) -> &'static str {
         match self {
@@ -162,11 +159,8 @@ impl FromStr for StrainDefinition {
     type Err = UnknownChoice;
 
     fn from_str(word: &str) -> Result<Self, UnknownChoice> {
-        Self::ALL.into_iter().find(|s| s.name() == word).ok_or_else(|| UnknownChoice {
-            option: "strain",
-            given: word.to_owned(),
-            expected: "infinitesimal, green-lagrange or hencky",
-        })
+        let told = ["strain", "infinitesimal, green-lagrange or hencky"];
+        UnknownChoice::or_one_of(&[Self::Infinitesimal, Self::GreenLagrange, Self::Hencky], Self::name, word, told)
     }
 }
 
@@ -217,7 +211,7 @@ pub const NODE_NOISE: f64 = 0.681_250_038_633_213_4;
 /// and the shear, the mean of two gradients with noise of their own, has `0.963/2 sqrt(sigma_ux^2 + sigma_uy^2)/l`.
 /// Elements at a border have up to twice as much.
 pub fn element_strain_sigma(sigma_u: [f64; 2], length: f64) -> [f64; 3] {
-    [sigma_u[0], sigma_u[1], 0.5 * sigma_u[0].hypot(sigma_u[1])].map(|sigma| ELEMENT_NOISE * sigma / length)
+    strain_sigma(ELEMENT_NOISE, sigma_u, length)
 }
 
 /// Standard uncertainty of the strain (exx, eyy, exy) at an inner node, from that of its displacement.
@@ -225,7 +219,11 @@ pub fn element_strain_sigma(sigma_u: [f64; 2], length: f64) -> [f64; 3] {
 /// As [`element_strain_sigma`], with the central difference over `2 l`: `<3 sin^2 t/(2 + cos t)> = 3 (2 - sqrt 3)`
 /// times `sqrt 3` of the other axis. `1.67 sigma/(l^2 g_x) = 0.681 sigma_ux/l`.
 pub fn node_strain_sigma(sigma_u: [f64; 2], length: f64) -> [f64; 3] {
-    [sigma_u[0], sigma_u[1], 0.5 * sigma_u[0].hypot(sigma_u[1])].map(|sigma| NODE_NOISE * sigma / length)
+    strain_sigma(NODE_NOISE, sigma_u, length)
+}
+
+fn strain_sigma(factor: f64, [x, y]: [f64; 2], length: f64) -> [f64; 3] {
+    [x, y, 0.5 * x.hypot(y)].map(|sigma| factor * sigma / length)
 }
 
 #[cfg(test)]

@@ -94,15 +94,13 @@ impl StrainElement {
         places.map(move |(corner, place)| (corner, if triangle { [0.5; 2] } else { place }))
     }
 
-    /// The map at local coordinates; `None` where the element is too flat for a gradient. Relative to the area: units
-    /// do not matter. NaN is flat as well.
+    /// The map at local coordinates; `None` where the element is too flat for its area, as NaN is.
     fn map_at(&self, at: [f64; 2]) -> Option<LocalMap> {
         let map = self.shape.map_at(at);
         (map.determinant.abs() > 1e-9 * self.area).then_some(map)
     }
 
-    /// `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]` at local coordinates of the field with the values `u` at the corners;
-    /// `None` where the element is flat.
+    /// `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]` at local coordinates for corner values `u`; `None` where flat.
     fn gradient_of(&self, u: &[[f64; 2]; 4], at: [f64; 2]) -> Option<[[f64; 2]; 2]> {
         self.map_at(at).map(|map| map.gradient_of(u))
     }

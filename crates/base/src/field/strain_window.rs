@@ -7,7 +7,7 @@
 use super::Measurement;
 use super::quantities::noise::solve_spd;
 use super::strain::{StrainDefinition, TensorStrain};
-use crate::mesh::{ElementGeometry, Mesh};
+use crate::mesh::{ElementGeometry, Mesh, corners_of};
 use crate::units::Length;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -18,8 +18,7 @@ use std::sync::{Mutex, PoisonError};
 
 /// Elements around a window that decide about its noise: beyond, correlations change it by less than 1e-4.
 const MARGIN: usize = 4;
-/// Places are rounded to this part of the element size before noise is computed from them, so that windows of one shape
-/// have the same noise to the last bit, wherever they lie.
+/// Places are rounded to this part of an element before noise is computed: windows of one shape have the same bits.
 const GRAIN: f64 = 1.0 / 65536.0;
 /// A window counts when its nodes spread across at least this part (of the variance) of what they do along.
 const LEAST_SPREAD: f64 = 0.01;
@@ -56,8 +55,7 @@ impl StrainWindow {
         self.nodes() / 2
     }
 
-    /// Length of the virtual strain gauge on elements of this size, in its unit: `(N - 1) L_step + L_subset` with the
-    /// element size as step and as subset, so N elements.
+    /// Length of the virtual strain gauge, `(N - 1) L_step + L_subset`: N elements of this size, step and subset.
     pub fn gauge_length(self, element_size: f64) -> f64 {
         (self.nodes() - 1) as f64 * element_size + element_size
     }
@@ -244,8 +242,8 @@ impl StrainWindows {
     /// Windows on `mesh`; `regularised` fields have noise whose correlation is not known.
     pub fn new<U: Length>(mesh: &Mesh<U>, window: StrainWindow, regularised: bool) -> Self {
         let mut around = vec![Vec::new(); mesh.n_nodes()];
-        for (element, &[a, b, c, d]) in mesh.elements().iter().enumerate() {
-            for node in [a, b, c].into_iter().chain((d != c).then_some(d)) {
+        for (element, nodes) in mesh.elements().iter().enumerate() {
+            for &node in corners_of(nodes) {
                 around[node as usize].push(element as u32);
             }
         }
@@ -259,8 +257,7 @@ impl StrainWindows {
 
     /// The strains of `field`, which is on the mesh that these windows are made for.
     ///
-    /// What the windows are is kept from field to field; where other nodes are measured than before, it is found anew
-    /// around them.
+    /// Windows are kept from field to field; where other nodes are measured than before they are found anew.
     ///
     /// # Panics
     /// When the field is on a mesh with another number of nodes.
@@ -444,8 +441,7 @@ impl StrainWindows {
     }
 }
 
-/// The noise of the node in the middle of a patch and of the plane fitted to its first `window` nodes, where the
-/// covariance of the nodes is the inverse of the mass matrix.
+/// Noise of a patch's middle node and of the plane through its first `window` nodes, of inverse mass as covariance.
 fn noise_of(places: &[[f64; 2]], elements: &[[u32; 4]], window: usize) -> Noise {
     let mut rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); places.len()];
     for nodes in elements {

@@ -20,8 +20,7 @@ const SHORT: usize = 255;
 pub struct GreyDepth {
     /// Bits of a pixel in the file: 8 or 16.
     pub stored: u32,
-    /// Bits that are used: the smallest of 8, 10, 12, 14, 16 that holds all grey levels; of shifted levels those
-    /// that are not always 0.
+    /// Bits used: the smallest of 8, 10, 12, 14, 16 that holds all grey levels; of shifted ones those not always 0.
     pub used: u32,
     /// Lowest bits that are always 0, when they are at least two.
     pub shift: u32,
@@ -91,9 +90,8 @@ pub struct Saturation {
 }
 
 impl Saturation {
-    /// Counts the saturated pixels of `image` in the windows `[x0, y0, x1, y1]` (x1, y1 not included; what is
-    /// outside the image does not count). A pixel in two windows counts twice. `None` for floats, whose range is
-    /// not known.
+    /// Counts the saturated pixels of `image` in the windows `[x0, y0, x1, y1]` (x1, y1 not included; what is outside
+    /// the image does not count). A pixel in two windows counts twice. `None` for floats, whose range is not known.
     ///
     /// ```
     /// # use quadrille_base as quadrille;

@@ -1,6 +1,7 @@
 //! A grey-level image as it was recorded.
 
 use std::fmt;
+use std::ops::Range;
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -46,8 +47,7 @@ impl Pixels {
     }
 }
 
-/// Grey levels that belong to somebody else, such as an array of Python, and that do not change while an image of them
-/// lives.
+/// Grey levels of somebody else, such as an array of Python, that do not change while an image of them lives.
 #[derive(Clone)]
 pub enum SharedPixels {
     /// 8 bit: 0..255.
@@ -109,6 +109,15 @@ impl Levels<'_> {
             Levels::U8(_) => 255.0,
             Levels::U16(_) => 65535.0,
             Levels::F32(_) => 1.0,
+        }
+    }
+
+    /// Some of them as floats.
+    pub fn floats(self, pixels: Range<usize>) -> Vec<f32> {
+        match self {
+            Levels::U8(p) => p[pixels].iter().map(|&v| f32::from(v)).collect(),
+            Levels::U16(p) => p[pixels].iter().map(|&v| f32::from(v)).collect(),
+            Levels::F32(p) => p[pixels].to_vec(),
         }
     }
 
@@ -276,15 +285,13 @@ impl Image {
     /// Smallest and largest grey level.
     pub fn range(&self) -> (f32, f32) {
         // In the recorded type: integer minima run in vectors.
+        fn ends<T: Copy + Ord + Default + Into<f32>>(levels: &[T], most: T) -> (f32, f32) {
+            let (low, high) = levels.iter().fold((most, T::default()), |(low, high), &v| (v.min(low), v.max(high)));
+            (low.into(), high.into())
+        }
         match self.pixels() {
-            Levels::U8(p) => {
-                let (low, high) = p.iter().fold((u8::MAX, 0), |(low, high), &v| (v.min(low), v.max(high)));
-                (f32::from(low), f32::from(high))
-            }
-            Levels::U16(p) => {
-                let (low, high) = p.iter().fold((u16::MAX, 0), |(low, high), &v| (v.min(low), v.max(high)));
-                (f32::from(low), f32::from(high))
-            }
+            Levels::U8(p) => ends(p, u8::MAX),
+            Levels::U16(p) => ends(p, u16::MAX),
             Levels::F32(p) => {
                 p.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)))
             }

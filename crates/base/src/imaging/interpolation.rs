@@ -132,9 +132,8 @@ impl Interpolation {
         }
     }
 
-    /// Share, along one axis, of the product of two noises that is left in a sum over pixels: the noise of the
-    /// reference in its gradient along the axis, and that of the deformed image interpolated `t` px beyond its
-    /// pixels (THEORY 10).
+    /// Share, along one axis, of the product of two noises left in a sum over pixels: the noise of the reference in its
+    /// gradient, and that of the deformed image interpolated `t` px beyond its pixels (THEORY 10).
     ///
     /// `v_D(t) = sum_j R_D(j) R_t(j) / R_D(0)` with the autocorrelations of the weights of both; 1 at whole pixels. It
     /// is not [`noise_gain`](Self::noise_gain): both filters tie neighbouring pixels together.

@@ -1,7 +1,6 @@
 //! The mean of several images, and how far they have moved between them.
 
 use super::{Image, Levels, Pixels};
-use std::ops::Range;
 
 /// Rows that are enough to find a shift.
 const ROWS: usize = 256;
@@ -20,7 +19,7 @@ impl Mean {
     /// The sum of one image.
     pub fn new(first: &Image) -> Self {
         let (width, height) = (first.width(), first.height());
-        Self { width, height, sum: greys(first, 0..width * height).into_iter().map(f64::from).collect(), n: 1 }
+        Self { width, height, sum: first.pixels().floats(0..width * height).into_iter().map(f64::from).collect(), n: 1 }
     }
 
     /// Adds an image. `false`, and nothing is added, when it has another size.
@@ -66,15 +65,6 @@ impl Mean {
     }
 }
 
-/// Grey levels of some pixels, row by row.
-fn greys(image: &Image, pixels: Range<usize>) -> Vec<f32> {
-    match image.pixels() {
-        Levels::U8(levels) => levels[pixels].iter().map(|&v| v.into()).collect(),
-        Levels::U16(levels) => levels[pixels].iter().map(|&v| v.into()).collect(),
-        Levels::F32(levels) => levels[pixels].to_vec(),
-    }
-}
-
 /// Translation that carries `f` onto `g`, px: one Gauss-Newton step over some 256 rows of the image (THEORY 2 with two
 /// unknowns and an offset of brightness), the gradient being the mean of both images' central differences, which makes
 /// the error of second order. Good for shifts below a pixel; `None` for images of different sizes, below 3 x 3 px, or
@@ -98,7 +88,7 @@ pub fn small_shift(f: &Image, g: &Image) -> Option<[f64; 2]> {
     // Sums of the normal equations with the offset eliminated: n, and those of gx, gy, r and their products.
     let (mut n, mut first, mut second) = (0.0, [0.0; 3], [0.0; 5]);
     for y in (1..height - 1).step_by((height / ROWS).max(1)) {
-        let rows = |image| [y - 1, y, y + 1].map(|y| greys(image, y * width..(y + 1) * width));
+        let rows = |image: &Image| [y - 1, y, y + 1].map(|y| image.pixels().floats(y * width..(y + 1) * width));
         let ([fa, fb, fc], [ga, gb, gc]) = (rows(f), rows(g));
         n += (width - 2) as f64;
         for x in 1..width - 1 {

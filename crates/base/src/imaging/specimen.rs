@@ -8,8 +8,7 @@ const CELL: usize = 4;
 /// Texture begins where the mean square gradient in the weakest direction is this many times what white noise puts
 /// there: holes and dark backgrounds have 1 to 2, speckles in dim light 4, in good light 20 and more.
 const ABOVE_NOISE: f32 = 2.5;
-/// and this share of what the specimen has there in the middle: an eighth in amplitude. Weaker are machined and
-/// out-of-focus surfaces around it.
+/// and this share of what the specimen has in its middle, an eighth in amplitude: machined or blurred is weaker.
 const OF_TYPICAL: f32 = 1.0 / 64.0;
 /// A cell takes part in the texture around it with this share of the mean square gradient there.
 const OF_WINDOW: f32 = 0.2;
@@ -67,9 +66,8 @@ pub struct LeftOut {
 impl Specimen {
     /// Looks for the specimen in `image`, for elements of `size` px: where the gradient in its weakest direction stands
     /// above noise, over windows of an element and a half; without what is clipped, without spots and threads that hold
-    /// no element, and `margin` px away from the border of the image. The outermost cells of a border beside a
-    /// place without texture are left out, since they hold the step to it; holes smaller than an element are not
-    /// cut out.
+    /// no element, and `margin` px away from the border of the image. The outermost cells of a border beside a place
+    /// without texture are left out, since they hold the step to it; holes smaller than an element are not cut out.
     ///
     /// The result does not depend on the number of threads (THEORY 2).
     ///
@@ -144,7 +142,6 @@ fn floor_of(image: &Image) -> f32 {
     }
 }
 
-/// Columns and rows of cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct CellGrid {
     columns: usize,
@@ -152,25 +149,20 @@ struct CellGrid {
 }
 
 impl CellGrid {
-    /// The pixels `[x0, y0, x1, y1]` of a cell.
     fn pixels(self, column: usize, row: usize, [width, height]: [usize; 2]) -> [usize; 4] {
         let end = |k: usize, n: usize| ((k + 1) * CELL).min(n);
         [column * CELL, row * CELL, end(column, width), end(row, height)]
     }
 }
 
-/// What is summed over a cell: squares and product of the gradient, square of the fourth difference with how many there
-/// are, clipped pixels, pixels.
+/// Sums over a cell: squares and product of the gradient, square and number of fourth differences, clipped, pixels.
 const N_SUMS: usize = 7;
 type Sums = [f32; N_SUMS];
-
-/// Sums over the cells of an image.
 struct Cells {
     grid: CellGrid,
     sums: Vec<Sums>,
 }
 
-/// What is in a window.
 struct Window {
     /// Mean square of the gradient in its weakest direction, and of both components together.
     weakest: f32,
@@ -192,7 +184,6 @@ impl Window {
     }
 }
 
-/// What the cells are.
 struct Classes {
     textured: Marks,
     clipped: Marks,
@@ -242,14 +233,12 @@ impl Cells {
     }
 }
 
-/// The sums of one row of cells.
 fn row_of_cells(image: &Image, row: usize, columns: usize, ends: Option<[f32; 2]>) -> Vec<Sums> {
     let (width, height) = (image.width(), image.height());
     let mut sums = vec![[0.0; N_SUMS]; columns];
     let first = row * CELL;
     let n_rows = CELL.min(height - first);
-    // The rows that are looked at and those beside them, with two columns more on either side; beyond the image its
-    // border again.
+    // The rows looked at and those beside them, two columns more on either side; beyond the image its border.
     let n_lines = if n_rows > 2 { 6 } else { 5 };
     let lines: Vec<Vec<f32>> =
         (0..n_lines).map(|k| line(image, (first + k).saturating_sub(2).min(height - 1))).collect();
@@ -308,18 +297,9 @@ fn row_of_cells(image: &Image, row: usize, columns: usize, ends: Option<[f32; 2]
 /// Row `y` of the image with its first and last grey level twice more.
 fn line(image: &Image, y: usize) -> Vec<f32> {
     let width = image.width();
-    let row = y * width..(y + 1) * width;
-    let mut line = Vec::with_capacity(width + 4);
-    line.extend([0.0; 2]);
-    match image.pixels() {
-        Levels::U8(levels) => line.extend(levels[row].iter().map(|&v| f32::from(v))),
-        Levels::U16(levels) => line.extend(levels[row].iter().map(|&v| f32::from(v))),
-        Levels::F32(levels) => line.extend_from_slice(&levels[row]),
-    }
-    let (first, last) = (line[2], line[width + 1]);
-    line[..2].fill(first);
-    line.extend([last; 2]);
-    line
+    let row = image.pixels().floats(y * width..(y + 1) * width);
+    let (first, last) = (row[0], row[width - 1]);
+    [&[first; 2][..], &row, &[last; 2]].concat()
 }
 
 /// Sums over the box of `reach` cells around each cell, cut at the border.
@@ -450,7 +430,6 @@ impl Marks {
     }
 }
 
-/// The pixels of a part within `frame`.
 fn part_of_cells(cells: &Marks, frame: [usize; 4], image: [usize; 2]) -> Option<SpecimenPart> {
     let CellGrid { columns, .. } = cells.grid;
     let marked = || cells.bits.iter().enumerate().filter(|(_, bit)| **bit).map(|(at, _)| (at % columns, at / columns));

@@ -32,7 +32,6 @@ pub struct BandedLu {
     used: usize,
 }
 
-/// Size of a band matrix.
 #[derive(Debug, Clone, Copy)]
 struct Band {
     n: usize,

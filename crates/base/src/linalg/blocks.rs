@@ -6,8 +6,7 @@ use std::borrow::Borrow;
 use std::ops::{Add, Mul, Range};
 use std::sync::Arc;
 
-/// The 8x8 symmetric matrix of one Q4 element, upper triangle by rows. Unknown `2 k + c` is component
-/// `c` of the element's node `k`.
+/// The 8x8 symmetric matrix of a Q4 element, upper triangle by rows; unknown `2 k + c`: component `c` of node `k`.
 pub type ElementMatrix = [f64; 36];
 
 /// `factor` times the matrix of the products of corners, for both components alike.
@@ -25,6 +24,39 @@ pub fn alike(products: [[f64; 4]; 4], factor: f64) -> ElementMatrix {
 pub fn upper(row: usize, col: usize) -> usize {
     let (r, c) = if row <= col { (row, col) } else { (col, row) };
     r * 8 - r * (r + 1) / 2 + c
+}
+
+/// Values by their keys below `n`, in order: where those of each key begin, one more entry at the end, and the values.
+pub(crate) fn by_key<T: Copy + Default>(n: usize, pairs: impl Iterator<Item = (u32, T)> + Clone) -> (Vec<u32>, Vec<T>) {
+    let mut starts = vec![0u32; n + 1];
+    pairs.clone().for_each(|(key, _)| starts[key as usize + 1] += 1);
+    for key in 0..n {
+        starts[key + 1] += starts[key];
+    }
+    let mut next = starts.clone();
+    let mut values = vec![T::default(); starts[n] as usize];
+    for (key, value) in pairs {
+        values[next[key as usize] as usize] = value;
+        next[key as usize] += 1;
+    }
+    (starts, values)
+}
+
+/// Rows of numbers, each once and ascending, of what `fill` puts into an empty list: where they begin, with one more
+/// entry that closes the last, and all of them; `usual` is a length that most rows have.
+pub(super) fn ascending_rows(n: usize, usual: usize, fill: impl Fn(usize, &mut Vec<u32>)) -> (Vec<u32>, Vec<u32>) {
+    let (mut starts, mut all) = (Vec::with_capacity(n + 1), Vec::with_capacity(n * usual));
+    starts.push(0);
+    let mut row = Vec::new();
+    for k in 0..n {
+        row.clear();
+        fill(k, &mut row);
+        row.sort_unstable();
+        row.dedup();
+        all.extend_from_slice(&row);
+        starts.push(all.len() as u32);
+    }
+    (starts, all)
 }
 
 /// Which blocks of a matrix are filled: nodes coupled by an element.
@@ -46,41 +78,20 @@ impl Pattern {
     /// # Panics
     /// When an element names a node that does not exist.
     pub fn new(n_nodes: usize, elements: &[[u32; 4]]) -> Self {
-        let mut incidence_starts = vec![0u32; n_nodes + 1];
-        for corner in elements.iter().flatten() {
-            incidence_starts[*corner as usize + 1] += 1;
-        }
-        for node in 0..n_nodes {
-            incidence_starts[node + 1] += incidence_starts[node];
-        }
-        let mut next = incidence_starts.clone();
-        let mut incidence = vec![(0, 0); elements.len() * 4];
-        for (element, corners) in elements.iter().enumerate() {
-            for (corner, &node) in corners.iter().enumerate() {
-                incidence[next[node as usize] as usize] = (element as u32, corner as u8);
-                next[node as usize] += 1;
-            }
-        }
-        let mut row_starts = Vec::with_capacity(n_nodes + 1);
-        let mut columns = Vec::with_capacity(n_nodes * 9);
-        row_starts.push(0);
-        let mut row = Vec::with_capacity(16);
-        for node in 0..n_nodes {
-            row.clear();
+        let corners = elements.iter().zip(0..).flat_map(|(corners, element)| {
+            corners.iter().zip(0..).map(move |(&node, corner)| (node, (element, corner)))
+        });
+        let (incidence_starts, incidence) = by_key(n_nodes, corners);
+        let (row_starts, columns) = ascending_rows(n_nodes, 9, |node, row| {
             row.push(node as u32);
             for &(element, _) in &incidence[incidence_starts[node] as usize..incidence_starts[node + 1] as usize] {
                 row.extend_from_slice(&elements[element as usize]);
             }
-            row.sort_unstable();
-            row.dedup();
-            columns.extend_from_slice(&row);
-            row_starts.push(columns.len() as u32);
-        }
+        });
         Self { row_starts, columns, incidence_starts, incidence }
     }
 
-    /// The pattern whose rows have blocks in these columns, ascending, each with its own among them. It has no
-    /// elements.
+    /// The pattern whose rows have blocks in these ascending columns, each with its own among them; no elements.
     pub(super) fn of_rows(rows: &[Vec<u32>]) -> Self {
         let mut row_starts = vec![0];
         for row in rows {
@@ -89,23 +100,13 @@ impl Pattern {
         Self { row_starts, columns: rows.concat(), incidence_starts: vec![0; rows.len() + 1], incidence: Vec::new() }
     }
 
-    /// The pattern that couples each node with the neighbours of its neighbours too: that of `K^T K` for a
-    /// matrix `K` on this one. The elements of the nodes stay the same.
+    /// The pattern that couples neighbours of neighbours too, as `K^T K` of a matrix `K` on this; the same elements.
     pub fn widened(&self) -> Self {
-        let mut row_starts = Vec::with_capacity(self.row_starts.len());
-        let mut columns = Vec::with_capacity(3 * self.columns.len());
-        row_starts.push(0);
-        let mut row = Vec::with_capacity(81);
-        for node in 0..self.n_nodes() {
-            row.clear();
-            for &near in &self.columns[self.row(node)] {
-                row.extend_from_slice(&self.columns[self.row(near as usize)]);
+        let (row_starts, columns) = ascending_rows(self.n_nodes(), 25, |node, row| {
+            for &near in self.neighbours(node) {
+                row.extend_from_slice(self.neighbours(near as usize));
             }
-            row.sort_unstable();
-            row.dedup();
-            columns.extend_from_slice(&row);
-            row_starts.push(columns.len() as u32);
-        }
+        });
         Self { row_starts, columns, incidence_starts: self.incidence_starts.clone(), incidence: self.incidence.clone() }
     }
 
@@ -134,9 +135,12 @@ impl Pattern {
         &self.columns[self.row(node)]
     }
 
-    /// Place of the block (row, column), if it is stored.
-    fn place(&self, row: usize, column: u32) -> Option<usize> {
-        self.neighbours(row).binary_search(&column).ok().map(|at| self.row(row).start + at)
+    /// Place of a block; panics when the pattern has none.
+    fn place(&self, row: usize, column: u32) -> usize {
+        match self.neighbours(row).binary_search(&column) {
+            Ok(at) => self.row(row).start + at,
+            Err(_) => panic!("the pattern does not couple the nodes {row} and {column}"),
+        }
     }
 
     /// The nodes that are at most `steps` steps along couplings away from any of `nodes`, ascending.
@@ -175,8 +179,7 @@ impl Pattern {
         &self.incidence[self.incidence_starts[node] as usize..self.incidence_starts[node + 1] as usize]
     }
 
-    /// The block on the diagonal at `node` of an assembled matrix, as `[xx, xy, yy]`; `entry` is that of an element at
-    /// a place of its [`ElementMatrix`].
+    /// The diagonal block `[xx, xy, yy]` of `node`; `entry` is that of an element at a place of its [`ElementMatrix`].
     pub fn diagonal_block(&self, elements: &[[u32; 4]], node: usize, entry: impl Fn(u32, usize) -> f64) -> [f64; 3] {
         let mut sum = [0.0; 3];
         for &(element, corner) in self.elements_of(node) {
@@ -190,8 +193,7 @@ impl Pattern {
         sum
     }
 
-    /// Colours of the nodes in `nodes` such that two of one colour are at least `steps` apart: each node gets
-    /// the first colour that is free.
+    /// Colours of the nodes in `nodes`, two of one colour at least `steps` apart: each gets the first that is free.
     pub fn colours(&self, nodes: Range<usize>, steps: usize) -> Vec<u32> {
         const NONE: u32 = u32::MAX;
         let first = nodes.start;
@@ -300,8 +302,7 @@ pub struct BlockMatrix {
 }
 
 impl BlockMatrix {
-    /// Assembles element matrices; `elements` must be those of the pattern. The sum at a node runs in
-    /// element order, so the bits do not depend on the number of threads.
+    /// Assembles the element matrices of the pattern's `elements`, in element order: the same bits for any threads.
     pub fn assemble(pattern: &Arc<Pattern>, elements: &[[u32; 4]], matrices: &[ElementMatrix]) -> Self {
         Self::assemble_by(pattern, elements, |element| &matrices[element as usize])
     }
@@ -417,10 +418,7 @@ impl BlockMatrix {
     pub fn add_square(&mut self, nodes: &[u32], blocks: &[[f64; 4]], weight: f64) {
         for (&row, a) in nodes.iter().zip(blocks) {
             for (&column, b) in nodes.iter().zip(blocks) {
-                let Some(at) = self.pattern.place(row as usize, column) else {
-                    panic!("the pattern does not couple the nodes {row} and {column}")
-                };
-                let sum = &mut self.blocks[at];
+                let sum = &mut self.blocks[self.pattern.place(row as usize, column)];
                 sum[0] += weight * (a[0] * b[0] + a[2] * b[2]);
                 sum[1] += weight * (a[0] * b[1] + a[2] * b[3]);
                 sum[2] += weight * (a[1] * b[0] + a[3] * b[2]);
@@ -429,7 +427,6 @@ impl BlockMatrix {
         }
     }
 
-    /// The matrix of the blocks `block(row, column)`.
     pub(super) fn from_blocks(pattern: &Arc<Pattern>, block: impl Fn(usize, usize) -> [f64; 4]) -> Self {
         let rows = 0..pattern.n_nodes();
         let places = rows.flat_map(|row| pattern.neighbours(row).iter().map(move |&column| (row, column as usize)));
@@ -437,7 +434,6 @@ impl BlockMatrix {
         Self { pattern: pattern.clone(), blocks, held: Vec::new() }
     }
 
-    /// The matrix of these rows of blocks.
     pub(super) fn of_rows(pattern: &Arc<Pattern>, rows: &[Vec<[f64; 4]>]) -> Self {
         Self { pattern: pattern.clone(), blocks: rows.concat(), held: Vec::new() }
     }
@@ -449,10 +445,7 @@ impl BlockMatrix {
     pub fn add(&mut self, other: &Self, scale: f64) {
         for node in 0..other.pattern.n_nodes() {
             for (block, &column) in other.blocks[other.pattern.row(node)].iter().zip(other.pattern.neighbours(node)) {
-                let Some(at) = self.pattern.place(node, column) else {
-                    panic!("the pattern does not couple the nodes {node} and {column}")
-                };
-                for (sum, value) in self.blocks[at].iter_mut().zip(block) {
+                for (sum, value) in self.blocks[self.pattern.place(node, column)].iter_mut().zip(block) {
                     *sum += scale * value;
                 }
             }
@@ -509,8 +502,7 @@ impl BlockMatrix {
     }
 }
 
-/// The row of `node` of a matrix of these `blocks` times `x`, entry by entry of the blocks: the parts of both
-/// components of `x` are not added yet.
+/// The row of `node` times `x`, entry by entry of `blocks`: the parts of both components of `x` are not added yet.
 #[inline(always)]
 pub(super) fn row_sums<T: Copy + Default + Add<Output = T> + Mul<Output = T>>(
     pattern: &Pattern,

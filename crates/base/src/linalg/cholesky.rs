@@ -51,7 +51,6 @@ impl Cholesky {
         Self::with(matrix, order, CholeskySymbolicParams { supernodal_flop_ratio_threshold, ..Default::default() })
     }
 
-    /// Structure and values of the factor.
     pub(super) fn parts(&self) -> (&SymbolicCholesky<u32>, &[f64]) {
         (&self.symbolic, &self.values)
     }
@@ -95,8 +94,7 @@ impl Cholesky {
         Ok(Self { symbolic, values: factor })
     }
 
-    /// The same factor with values of single precision: half the memory to read in every solution, which is what a
-    /// solution takes its time for.
+    /// The same factor in single precision: half the memory to read, which is what a solution takes its time for.
     pub fn single(self) -> Cholesky<f32> {
         Cholesky { symbolic: self.symbolic, values: self.values.iter().map(|&value| value as f32).collect() }
     }

@@ -259,8 +259,7 @@ fn image_body<const FMA: bool>(compact: &Compact, r: &[f32], first: usize, w: &m
 }
 
 impl Compact {
-    /// What the neighbours of a group come to, before it is taken as a part of [`ONE`]: from each component to the same
-    /// one, and to the other.
+    /// What a group's neighbours come to, in parts of [`ONE`]: from each component to the same one, and to the other.
     #[inline(always)]
     fn sums_of(&self, group: usize, r: &[f32]) -> [[f32; LANES]; 2] {
         let (margin, slots) = (self.places.margin, &self.slots[self.places.slots(group..group + 1)]);
@@ -298,7 +297,6 @@ fn add(to_same: &mut [f32; LANES], to_other: &mut [f32; LANES], slot: &Slot, lan
     }
 }
 
-/// The lanes of the nodes from `node` on.
 #[inline(always)]
 fn lanes_at(r: &[f32], node: usize) -> &[f32; LANES] {
     r[2 * node..].first_chunk().expect("within the margin")

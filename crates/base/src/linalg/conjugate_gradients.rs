@@ -11,11 +11,9 @@ use std::ops::{Add, Mul, Sub};
 
 /// Nodes per piece of work: fixed, so that sums have the same order for any number of threads.
 pub(super) const PIECE: usize = 2048;
-/// Rows of a product whose sums are kept beside each other, and whose parts of a sum over all rows are added up in the
-/// precision of the vectors.
+/// Rows whose sums are kept side by side, and whose parts of a sum over all rows add up in the vectors' precision.
 const ROWS: usize = 64;
-/// Up to this many nodes one thread does all pieces: waking others, twice in an iteration, costs more than they would
-/// save.
+/// Up to this many nodes one thread does all pieces: waking others twice in an iteration costs more.
 const ALONE_UP_TO: usize = 6144;
 
 /// The inverses of the 2x2 blocks on the diagonal.
@@ -45,8 +43,7 @@ impl BlockJacobi {
         nodes.iter().for_each(|&node| self.inverse[node as usize] = inverted(matrix.diagonal(node as usize)));
     }
 
-    /// Solves `matrix x = rhs` from zero until the residual has fallen by `reduction` or `max_iterations`
-    /// are done. The same bits for any number of threads.
+    /// Solves from zero until the residual has fallen by `reduction` or at `max_iterations`; same bits for any threads.
     pub fn solve(
         &self,
         matrix: &BlockMatrix,
@@ -90,8 +87,7 @@ impl Real for f32 {
     }
 }
 
-/// The inverse of the triangle `L` of a block on the diagonal, `L L^T`: `[[xx, 0], [yx, yy]]`. Zero of one that is not
-/// positive definite.
+/// The inverse of the triangle `L` of a diagonal block, `L L^T`: `[[xx, 0], [yx, yy]]`; zero if not positive definite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Root<T> {
     xx: T,
@@ -141,8 +137,7 @@ pub(super) trait Scaled<T>: Sync {
     /// How far before the first node and behind the last [`Scaled::image`] may read.
     fn margin(&self) -> usize;
 
-    /// The image `w` of `r` at the nodes from `first` on, which begin a piece, and `r . w` there; `r` begins at its
-    /// margin.
+    /// The image `w` of `r` at the nodes from `first`, where a piece begins, and `r . w`; `r` begins at its margin.
     fn image(&self, isa: Isa, r: &[[T; 2]], first: usize, w: &mut [[T; 2]]) -> f64;
 }
 

@@ -112,8 +112,7 @@ impl Dense {
         Ok(DenseCholesky(factor))
     }
 
-    /// Eigenvalues of a symmetric matrix, ascending, and its eigenvectors as columns; `None` when it holds a number
-    /// that is not finite.
+    /// Ascending eigenvalues of a symmetric matrix, eigenvectors as columns; `None` when a number is not finite.
     pub fn symmetric_eigen(&self) -> Option<(Vec<f64>, Self)> {
         let eigen = self.0.self_adjoint_eigen(Side::Lower).ok()?;
         let values = eigen.S().column_vector().iter().copied().collect();

@@ -1,6 +1,7 @@
 //! Nested dissection: of regular grids, and of any nodes in the plane.
 
 use super::blocks::Pattern;
+use crate::plane::bounds;
 use std::ops::Range;
 
 /// Parts of at most this many nodes are not cut further.
@@ -43,33 +44,41 @@ pub fn nested_dissection(columns: usize, rows: usize) -> Vec<usize> {
 /// its longer side; those nodes of the first half that are coupled to the second come last, recursively. On a
 /// pattern that couples neighbours of neighbours what separates two halves of a grid is two lines wide.
 pub fn dissection(pattern: &Pattern, points: &[[f64; 2]], nodes: Range<usize>) -> Vec<usize> {
-    fn cut(mut set: Vec<usize>, pattern: &Pattern, points: &[[f64; 2]], half: &mut [u8], order: &mut Vec<usize>) {
-        let extent = |k: usize| {
-            let bound = |pick: fn(f64, f64) -> f64, start: f64| set.iter().map(|&n| points[n][k]).fold(start, pick);
-            bound(f64::max, f64::NEG_INFINITY) - bound(f64::min, f64::INFINITY)
-        };
+    fn cut(set: Vec<u32>, pattern: &Pattern, points: &[[f64; 2]], is_upper: &mut [bool], order: &mut Vec<usize>) {
         if set.len() <= LEAF {
-            order.extend(set);
+            order.extend(set.into_iter().map(|node| node as usize));
             return;
         }
-        let axis = usize::from(extent(1) > extent(0));
-        set.sort_by(|&a, &b| points[a][axis].total_cmp(&points[b][axis]).then(a.cmp(&b)));
-        // Nodes in line stay together, so that on a grid a straight line separates the halves.
-        let middle = points[set[set.len() / 2]][axis];
-        let in_line = set.partition_point(|&n| points[n][axis] < middle);
-        let upper = set.split_off(if in_line > 0 { in_line } else { set.len() / 2 });
-        // 1: lower half, 2: upper half, 0: neither.
-        set.iter().for_each(|&n| half[n] = 1);
-        upper.iter().for_each(|&n| half[n] = 2);
-        let between = |n: usize| pattern.columns()[pattern.row(n)].iter().any(|&other| half[other as usize] == 2);
-        let (separator, lower): (Vec<_>, Vec<_>) = set.iter().partition(|&&n| between(n));
-        set.iter().chain(&upper).for_each(|&n| half[n] = 0);
-        cut(lower, pattern, points, half, order);
-        cut(upper, pattern, points, half, order);
-        order.extend(separator);
+        let [lower, upper, separator] = halve(set, points, is_upper, |node| pattern.neighbours(node as usize));
+        cut(lower, pattern, points, is_upper, order);
+        cut(upper, pattern, points, is_upper, order);
+        order.extend(separator.into_iter().map(|node| node as usize));
     }
     let mut order = Vec::with_capacity(nodes.len());
-    let mut half = vec![0; points.len()];
-    cut(nodes.collect(), pattern, points, &mut half, &mut order);
+    let mut is_upper = vec![false; points.len()];
+    cut(nodes.map(|node| node as u32).collect(), pattern, points, &mut is_upper, &mut order);
     order
+}
+
+/// Two halves of a set, cut across its longer side, without those of the first that `neighbours` couples with the
+/// second, which come last. `is_upper` is false everywhere, before and after.
+pub(super) fn halve<'a>(
+    mut set: Vec<u32>,
+    points: &[[f64; 2]],
+    is_upper: &mut [bool],
+    neighbours: impl Fn(u32) -> &'a [u32],
+) -> [Vec<u32>; 3] {
+    let [low, high] = bounds(set.iter().map(|&k| &points[k as usize]));
+    let axis = usize::from(high[1] - low[1] > high[0] - low[0]);
+    let place = |k: u32| points[k as usize][axis];
+    set.sort_unstable_by(|&a, &b| place(a).total_cmp(&place(b)).then(a.cmp(&b)));
+    // What is in line stays together, so that on a grid a straight line separates the halves.
+    let middle = place(set[set.len() / 2]);
+    let in_line = set.partition_point(|&k| place(k) < middle);
+    let upper = set.split_off(if in_line > 0 { in_line } else { set.len() / 2 });
+    upper.iter().for_each(|&k| is_upper[k as usize] = true);
+    let between = |&k: &u32| neighbours(k).iter().any(|&other| is_upper[other as usize]);
+    let (separator, lower) = set.into_iter().partition(between);
+    upper.iter().for_each(|&k| is_upper[k as usize] = false);
+    [lower, upper, separator]
 }

@@ -25,7 +25,6 @@ pub struct Envelope {
 
 #[derive(Debug, Clone, PartialEq)]
 struct Row {
-    /// First column.
     first: usize,
     /// Where its entries begin among those of all rows.
     at: usize,

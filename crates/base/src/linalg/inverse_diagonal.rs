@@ -23,11 +23,10 @@ type Lanes = [f32; LANES];
 
 /// Variances `[xx, yy]` of each node in the inverse of `matrix`.
 ///
-/// The inverse of a normal matrix decays by about 0.27 per step along a mesh line, so one right-hand side
-/// can hold unit loads at many nodes far apart: `colour` (0..16) says which nodes share one; nodes of one
-/// colour must be at least five steps apart. Random signs (fixed, by node number) keep what leaks from one
-/// load to the next, about 0.15 % each, from adding up: the standard deviations are right to 0.2 % typically, 1 %
-/// at worst.
+/// The inverse of a normal matrix decays by about 0.27 per step along a mesh line, so one right-hand side can hold unit
+/// loads at many nodes far apart: `colour` (0..16) says which nodes share one; nodes of one colour must be at least
+/// five steps apart. Random signs (fixed, by node number) keep what leaks from one load to the next, about 0.15 % each,
+/// from adding up: the standard deviations are right to 0.2 % typically, 1 % at worst.
 pub fn inverse_diagonal(isa: Isa, matrix: &BlockMatrix, jacobi: &BlockJacobi, colour: &[u32]) -> Vec<[f64; 2]> {
     probed(isa, matrix, jacobi, colour, None, |node| node).0
 }
@@ -52,8 +51,7 @@ pub fn inverse_diagonal_with(
     probed(isa, matrix, jacobi, colour, Some(second), |node| node)
 }
 
-/// As [`inverse_diagonal_with`] for the parts of two matrices at the `nodes` of a mesh, with the signs that these have
-/// in the whole: what leaks is then the same.
+/// As [`inverse_diagonal_with`] for parts of two matrices at `nodes` with the signs of the whole: leaks are the same.
 pub fn inverse_diagonal_of_part(
     isa: Isa,
     (matrix, second): (&BlockMatrix, &BlockMatrix),
@@ -64,8 +62,7 @@ pub fn inverse_diagonal_of_part(
     probed(isa, matrix, &BlockJacobi::new(matrix), colour, Some(second), |node| nodes[node] as usize)
 }
 
-/// Group by group of nodes, each done by one thread with its vectors in the cache: over all nodes they would come from
-/// memory, a dozen times.
+/// Group by group of nodes, each by one thread with its vectors in the cache, not a dozen times from memory.
 fn probed(
     isa: Isa,
     matrix: &BlockMatrix,
@@ -146,7 +143,6 @@ fn tiles(pattern: &Pattern) -> Vec<Vec<u32>> {
     tiles
 }
 
-/// A place of no node.
 const NOWHERE: u32 = u32::MAX;
 
 /// The rows and columns of some nodes alone, in single precision: as if all others were held.

@@ -1,5 +1,4 @@
-//! LU factors of general sparse matrices: the plan is made once for a pattern, the factor for each set of
-//! values.
+//! LU factors of general sparse matrices: the plan is made once for a pattern, the factor for each set of values.
 
 use super::banded_lu::BandedLu;
 use super::nested_lu::{Fronts, NestedLu};

@@ -20,15 +20,14 @@ mod spread;
 mod subspace;
 
 pub use banded_lu::BandedLu;
-pub use blocks::upper;
-pub use blocks::{BlockMatrix, ElementMatrix, Pattern, alike};
+pub(crate) use blocks::by_key;
+pub use blocks::{BlockMatrix, ElementMatrix, Pattern, alike, upper};
 pub use cholesky::{Cholesky, NotPositiveDefinite};
 pub use conjugate_gradients::{BlockJacobi, CgOutcome};
 pub use dense::{Dense, DenseCholesky};
 pub use dissection::{dissection, nested_dissection};
 pub use envelope::Envelope;
-pub use inverse_diagonal::inverse_diagonal_of_part;
-pub use inverse_diagonal::{inverse_diagonal, inverse_diagonal_with};
+pub use inverse_diagonal::{inverse_diagonal, inverse_diagonal_of_part, inverse_diagonal_with};
 pub use lu::{BANDED_UP_TO, LuChoice, LuFactor, LuPlan};
 pub use pivots::{PivotSigns, Singular};
 pub use selected_inverse::selected_inverse;

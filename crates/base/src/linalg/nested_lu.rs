@@ -5,6 +5,7 @@
 //! unknowns that a front eliminates, and only where a pivot is small: a tangent that is positive definite but for a
 //! softening interface hardly needs it. The pattern must be symmetric, the values need not be.
 
+use super::dissection::halve;
 use super::pivots::{PivotSigns, Singular};
 use super::sparse::{SparseMatrix, SparsePattern};
 use faer::linalg::matmul::matmul;
@@ -51,24 +52,22 @@ pub(super) struct Fronts {
 }
 
 impl Fronts {
-    /// Cuts up `pattern`, whose unknowns lie at `points`.
     pub(super) fn new(pattern: &SparsePattern, points: &[[f64; 2]]) -> Self {
         let n = pattern.n();
-        let mut cutter = Cutter { pattern, points, half: vec![0; n], sets: Vec::new() };
-        cutter.cut((0..n as u32).collect());
-        let sets = cutter.sets;
+        let mut sets = Vec::new();
+        cut((0..n as u32).collect(), pattern, points, &mut vec![false; n], &mut sets);
         let mut place = vec![0u32; n];
-        sets.iter().flat_map(|set| &set.own).zip(0u32..).for_each(|(&k, at)| place[k as usize] = at);
+        sets.iter().flatten().zip(0u32..).for_each(|(&k, at)| place[k as usize] = at);
         let mut fronts: Vec<Front> = Vec::with_capacity(sets.len());
         let mut children: Vec<Vec<usize>> = vec![Vec::new(); sets.len()];
         let mut front_of = vec![0u32; n];
         for (number, set) in sets.iter().enumerate() {
-            set.own.iter().for_each(|&k| front_of[k as usize] = number as u32);
+            set.iter().for_each(|&k| front_of[k as usize] = number as u32);
         }
         let (mut start, mut first) = (0, 0u32);
         // Place of an unknown among those of the front at hand.
         let mut local = vec![u32::MAX; n];
-        for (number, Set { own }) in sets.into_iter().enumerate() {
+        for (number, own) in sets.into_iter().enumerate() {
             let last = first + own.len() as u32;
             let neighbours = own.iter().flat_map(|&k| pattern.column(k as usize)).copied();
             let passed_on = children[number].iter().flat_map(|&child| fronts[child].border.iter().copied());
@@ -111,59 +110,23 @@ impl Fronts {
         Self { n, fronts, n_values: start }
     }
 
-    /// Number of values of the factor.
     pub(super) fn n_values(&self) -> usize {
         self.n_values
     }
 }
 
-/// What one front eliminates.
-struct Set {
-    own: Vec<u32>,
-}
-
-struct Cutter<'a> {
-    pattern: &'a SparsePattern,
-    points: &'a [[f64; 2]],
-    /// 1: lower half, 2: upper half, 0: neither.
-    half: Vec<u8>,
-    sets: Vec<Set>,
-}
-
-impl Cutter<'_> {
-    fn cut(&mut self, mut set: Vec<u32>) {
-        if set.len() <= LEAF {
-            if !set.is_empty() {
-                self.sets.push(Set { own: set });
-            }
-            return;
-        }
-        let points = self.points;
-        let extent = |c: usize| {
-            let of =
-                |pick: fn(f64, f64) -> f64, start: f64| set.iter().map(|&k| points[k as usize][c]).fold(start, pick);
-            of(f64::max, f64::NEG_INFINITY) - of(f64::min, f64::INFINITY)
-        };
-        let axis = usize::from(extent(1) > extent(0));
-        set.sort_unstable_by(|&a, &b| points[a as usize][axis].total_cmp(&points[b as usize][axis]).then(a.cmp(&b)));
-        // Unknowns in line stay together, so that on a grid a straight line separates the halves.
-        let middle = points[set[set.len() / 2] as usize][axis];
-        let in_line = set.partition_point(|&k| points[k as usize][axis] < middle);
-        let upper = set.split_off(if in_line > 0 { in_line } else { set.len() / 2 });
-        set.iter().for_each(|&k| self.half[k as usize] = 1);
-        upper.iter().for_each(|&k| self.half[k as usize] = 2);
-        let coupled = |k: u32| self.pattern.column(k as usize).iter().any(|&other| self.half[other as usize] == 2);
-        let (separator, lower): (Vec<u32>, Vec<u32>) = set.iter().partition(|&&k| coupled(k));
-        set.iter().chain(&upper).for_each(|&k| self.half[k as usize] = 0);
-        self.cut(lower);
-        self.cut(upper);
-        if !separator.is_empty() {
-            self.sets.push(Set { own: separator });
-        }
+/// Adds what each front eliminates to `sets`.
+fn cut(set: Vec<u32>, pattern: &SparsePattern, points: &[[f64; 2]], is_upper: &mut [bool], sets: &mut Vec<Vec<u32>>) {
+    if set.len() <= LEAF {
+        sets.extend((!set.is_empty()).then_some(set));
+        return;
     }
+    let [lower, upper, separator] = halve(set, points, is_upper, |k| pattern.column(k as usize));
+    cut(lower, pattern, points, is_upper, sets);
+    cut(upper, pattern, points, is_upper, sets);
+    sets.extend((!separator.is_empty()).then_some(separator));
 }
 
-/// The factor of a matrix on a set of fronts.
 #[derive(Debug)]
 pub(super) struct NestedLu {
     fronts: Arc<Fronts>,
@@ -310,8 +273,7 @@ fn scatter(rhs: &mut [f64], n: usize, unknowns: &[u32], from: &[f64]) {
     }
 }
 
-/// Factorises the square block `own` by columns and exchanges the rows of `right` with it; the column without a
-/// pivot as the error.
+/// Factorises the square `own` by columns and swaps the rows of `right` with it; the column without pivot as error.
 fn eliminate(own: &mut [f64], right: &mut [f64], exchanged: &mut [u32]) -> Result<PivotSigns, usize> {
     let k = exchanged.len();
     let mut signs = PivotSigns { negative: 0, exchanged: 0 };

@@ -9,8 +9,7 @@ use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 use faer::{Accum, Mat, MatMut, Par};
 use std::sync::Arc;
 
-/// The blocks of the inverse of `matrix` on `pattern`, which must lie within the pattern of `matrix`; the nodes are
-/// eliminated in `order`.
+/// The blocks of the inverse of `matrix` on `pattern`, a part of its own; the nodes are eliminated in `order`.
 ///
 /// Exact: the entries of the inverse on the pattern of the factor follow from each other, from the last column to
 /// the first (Takahashi, Fagan & Chen 1973). With the factor `L` of the columns `J` of a piece and of the rows `R`
@@ -52,7 +51,6 @@ pub(super) fn inverse_by(factor: &Cholesky, order: &[usize], pattern: &Arc<Patte
     })
 }
 
-/// The piece that each column belongs to.
 fn piece_of(pieces: &SymbolicSupernodalCholesky<u32>) -> Vec<u32> {
     let mut piece_of = vec![0; pieces.nrows()];
     for (piece, (&begin, &end)) in pieces.supernode_begin().iter().zip(pieces.supernode_end()).enumerate() {
@@ -83,8 +81,7 @@ fn entry(pieces: &SymbolicSupernodalCholesky<u32>, values: &[f64], piece_of: &[u
     values[range.start + (column as usize - begin) * (n_columns + rows.len()) + local]
 }
 
-/// Turns the values of the factor into those of the inverse, piece by piece from the last to the first: a piece of
-/// the factor is needed only for itself.
+/// Turns the factor into the inverse, piece by piece from the last: a piece of the factor is needed only for itself.
 fn invert(pieces: &SymbolicSupernodalCholesky<u32>, values: &mut [f64]) {
     let piece_of = piece_of(pieces);
     for piece in (0..pieces.n_supernodes()).rev() {

@@ -1,5 +1,4 @@
-//! The solver of the normal equations: conjugate gradients, or a factor where something else than the images holds the
-//! solution.
+//! Solver of the normal equations: conjugate gradients, or a factor where more than the images holds the solution.
 
 use super::blocks::{BlockMatrix, ElementMatrix};
 use super::cholesky::{Cholesky, NotPositiveDefinite};
@@ -13,8 +12,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 /// about ninefold, so that a correction exact to 1 % would do; but what hardly any texture determines comes last, and
 /// with 1 % two devices ended 0.002 of a standard uncertainty apart there.
 const REDUCTION: f64 = 3e-3;
-/// The same where elements at the border have lost pixels: their share of the residual is small, and they are the last
-/// to settle.
+/// The same where border elements have lost pixels: their share of the residual is small, and they settle last.
 pub const REDUCTION_CHANGED: f64 = 1e-3;
 const MAX_ITERATIONS: usize = 60;
 
@@ -47,7 +45,6 @@ pub struct Solver {
     spare: Mutex<Vec<(System, Vec<u32>)>>,
 }
 
-/// Spare systems that are kept.
 const SPARE: usize = 8;
 
 /// A matrix, and what conjugate gradients need of it.
@@ -65,8 +62,7 @@ impl System {
         Self { matrix, jacobi, compact: OnceLock::new() }
     }
 
-    /// Made first and kept then: whoever waits for parts of it may take up another frame, which must not wait for this
-    /// one.
+    /// Made once: whoever waits for parts of it may take up another frame, which must not wait for this one.
     fn compact(&self) -> &Compact {
         if let Some(compact) = self.compact.get() {
             return compact;
@@ -75,7 +71,6 @@ impl System {
         self.compact.get_or_init(|| compact)
     }
 
-    /// Follows the matrix at `nodes`.
     fn follow(&mut self, nodes: &[u32]) {
         self.jacobi.follow(&self.matrix, nodes);
         if let Some(compact) = self.compact.get_mut() {
@@ -84,7 +79,6 @@ impl System {
     }
 }
 
-/// A factor of the matrix.
 #[derive(Debug)]
 enum Factor {
     /// Of a sum with a penalty on long waves, whose condition takes all digits.
@@ -93,7 +87,6 @@ enum Factor {
     Single(Cholesky<f32>),
 }
 
-/// The two parts of a regularised matrix.
 #[derive(Debug)]
 struct Regularised {
     data: BlockMatrix,
@@ -164,10 +157,9 @@ impl Solver {
         penalty: Arc<BlockMatrix>,
         order: &[usize],
     ) -> Result<Self, NotPositiveDefinite> {
-        let mut sum = BlockMatrix::clone(&penalty);
-        sum.add(&data, 1.0);
-        let factor = Some(Factor::Double(Cholesky::new(&sum, order)?));
-        Ok(Self { factor, regularised: Some(Regularised { data, penalty }), ..Self::iterative(sum) })
+        let solver = Self::smoothed(data, penalty);
+        let factor = Some(Factor::Double(Cholesky::new(solver.matrix(), order)?));
+        Ok(Self { factor, ..solver })
     }
 
     /// The solver of `data` and a penalty that acts over a few elements only: conditioned well enough for conjugate

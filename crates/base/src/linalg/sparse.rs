@@ -1,5 +1,6 @@
 //! Patterns of general sparse matrices, by compressed columns, and the values on them.
 
+use super::blocks::{ascending_rows, by_key};
 use std::sync::Arc;
 
 /// Which entries of a square matrix may differ from zero: by columns, rows ascending in each.
@@ -10,8 +11,7 @@ pub struct SparsePattern {
 }
 
 impl SparsePattern {
-    /// The pattern of `n` unknowns in which those of each group are coupled with one another. Every unknown
-    /// is coupled with itself.
+    /// The pattern of `n` unknowns, each coupled with itself and with those of its groups.
     ///
     /// ```
     /// # use quadrille_base as quadrille;
@@ -24,36 +24,15 @@ impl SparsePattern {
     /// # Panics
     /// When a group names an unknown that does not exist.
     pub fn from_groups<'a>(n: usize, groups: impl Iterator<Item = &'a [u32]> + Clone) -> Self {
-        let mut starts = vec![0u32; n + 1];
-        for group in groups.clone() {
-            group.iter().for_each(|&k| starts[k as usize + 1] += 1);
-        }
-        for k in 0..n {
-            starts[k + 1] += starts[k];
-        }
-        let mut next = starts.clone();
-        let mut of = vec![0u32; starts[n] as usize];
-        for (number, group) in groups.clone().enumerate() {
-            for &k in group {
-                of[next[k as usize] as usize] = number as u32;
-                next[k as usize] += 1;
-            }
-        }
+        let members = groups.clone().zip(0u32..).flat_map(|(group, number)| group.iter().map(move |&k| (k, number)));
+        let (starts, of) = by_key(n, members);
         let groups: Vec<&[u32]> = groups.collect();
-        let (mut column_starts, mut rows) = (Vec::with_capacity(n + 1), Vec::new());
-        column_starts.push(0);
-        let mut column = Vec::new();
-        for k in 0..n {
-            column.clear();
+        let (column_starts, rows) = ascending_rows(n, 0, |k, column| {
             column.push(k as u32);
             for &group in &of[starts[k] as usize..starts[k + 1] as usize] {
                 column.extend_from_slice(groups[group as usize]);
             }
-            column.sort_unstable();
-            column.dedup();
-            rows.extend_from_slice(&column);
-            column_starts.push(rows.len() as u32);
-        }
+        });
         Self { column_starts, rows }
     }
 
@@ -122,8 +101,7 @@ impl SparseMatrix {
         &mut self.values
     }
 
-    /// Where the value of each entry's mirror image is, in the order of [`SparsePattern::place`]; `None` where one is
-    /// not stored.
+    /// Where each entry's mirror image is, in the order of [`SparsePattern::place`]; `None` where one is not stored.
     pub fn mirror(&self) -> Option<Vec<u32>> {
         let of_column = |column: usize| self.pattern.column(column).iter().map(move |&row| (column, row as usize));
         let entries = (0..self.pattern.n()).flat_map(of_column);

@@ -15,8 +15,6 @@ const OF_LINES: f64 = 1e-5;
 
 /// Pieces of work of which each has a row of all nodes, or functions, of its own.
 const PIECES: usize = 32;
-
-/// A sparse matrix of weights by rows.
 #[derive(Debug)]
 struct Rows {
     starts: Vec<u32>,
@@ -79,8 +77,7 @@ pub struct Subspace {
 
 impl Subspace {
     /// From the functions of every node and their values there; the functions that each is coupled with by an element,
-    /// ascending, itself among them; three that follow each other on a line, each time; and where their middles
-    /// are.
+    /// ascending, itself among them; three that follow each other on a line, each time; and where their middles are.
     ///
     /// # Panics
     /// When a line joins functions that are not coupled.
@@ -109,8 +106,7 @@ impl Subspace {
         self.of_functions.times(of_nodes)
     }
 
-    /// The matrix of the functions, `B^T M B` with next to nothing of the second differences, of a matrix `data` of the
-    /// nodes. Nodes that it holds take no part.
+    /// `B^T M B` of a matrix `data` of the nodes, with next to nothing of the second differences, without held nodes.
     pub fn matrix(&self, data: &BlockMatrix) -> BlockMatrix {
         self.matrix_of(data, &(0..self.n_functions() as u32).collect::<Vec<_>>(), &self.pattern, &self.lines)
     }
@@ -277,7 +273,7 @@ mod tests {
     const NODES: usize = 15;
 
     /// Nodes in a line, each coupled with its neighbours, and functions over three nodes each, middles two nodes apart.
-    fn line() -> (BlockMatrix, Subspace) {
+    fn line() -> (BlockMatrix, Arc<Subspace>) {
         let elements: Vec<[u32; 4]> = (0..NODES as u32 - 1).map(|k| [k, k + 1, k + 1, k]).collect();
         let pattern = Arc::new(Pattern::new(NODES, &elements));
         let noise = |k: usize| f64::from((k as u32).wrapping_mul(2_654_435_769) >> 16) / 65536.0;
@@ -297,27 +293,14 @@ mod tests {
         let lines: Vec<[u32; 3]> = (0..n - 2).map(|k| [k, k + 1, k + 2]).collect();
         let middles: Vec<[f64; 2]> = (0..n).map(|k| [f64::from(k), 0.0]).collect();
         let of_nodes: Vec<_> = (0..NODES).map(of_node).collect();
-        (data, Subspace::new(&of_nodes, &coupled, &lines, &middles))
+        (data, Arc::new(Subspace::new(&of_nodes, &coupled, &lines, &middles)))
     }
 
     /// The column of `B (B^T M B)^-1 B^T` of a component of a node.
-    fn column(data: &BlockMatrix, subspace: &Subspace, node: usize, c: usize) -> Vec<[f64; 2]> {
+    fn column(data: &BlockMatrix, subspace: &Arc<Subspace>, node: usize, c: usize) -> Vec<[f64; 2]> {
         let mut unit = vec![[0.0; 2]; NODES];
         unit[node][c] = 1.0;
-        Solver::within(data.clone(), Arc::new(Subspace::clone_of(subspace))).unwrap().solve(unit)
-    }
-
-    impl Subspace {
-        fn clone_of(other: &Self) -> Self {
-            let rows = |rows: &Rows| Rows { starts: rows.starts.clone(), entries: rows.entries.clone() };
-            Self {
-                of_nodes: rows(&other.of_nodes),
-                of_functions: rows(&other.of_functions),
-                pattern: other.pattern.clone(),
-                lines: other.lines.clone(),
-                order: other.order.clone(),
-            }
-        }
+        Solver::within(data.clone(), subspace.clone()).unwrap().solve(unit)
     }
 
     #[test]
@@ -339,7 +322,6 @@ mod tests {
     #[test]
     fn a_correction_leads_to_the_field_of_the_subspace_that_fits_best_from_wherever_it_starts() {
         let (data, subspace) = line();
-        let subspace = Arc::new(subspace);
         let solver = Solver::within(data.clone(), subspace.clone()).unwrap();
         let wanted: Vec<[f64; 2]> = (0..NODES).map(|k| [(k as f64).sin(), (2.0 * k as f64).cos()]).collect();
         let from = |start: Vec<[f64; 2]>| {

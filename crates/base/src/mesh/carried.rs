@@ -1,10 +1,11 @@
 //! Zones carried along by the material into a later image.
 
-use super::element::{ElementGeometry, local_coordinates};
+use super::element::{ElementGeometry, corners_of, local_coordinates};
 use super::pixel_set::PixelSet;
 use super::pixels::{Owner, around};
 use super::q4::{Mesh, turn};
 use super::{Mask, MeshError, Roi, Zone, ZoneElements};
+use crate::plane::bounds;
 use crate::units::Px;
 use std::sync::Arc;
 
@@ -50,7 +51,7 @@ impl Mesh<Px> {
             let first_node = carried.nodes.len();
             let elements: Vec<usize> = self.zone_elements(zone).filter(|&element| kept[element]).collect();
             if elements.is_empty() {
-                return Err(MeshError::NoElements { zone: name.clone() });
+                return Err(MeshError::NoElements(name.clone()));
             }
             let mut number = vec![None; self.zone_nodes(zone).len()];
             let offset = self.zone_nodes(zone).start;
@@ -96,7 +97,6 @@ impl Mesh<Px> {
         Ok(carried)
     }
 
-    /// Which material of an element is counted.
     fn material_of<'a>(&self, element: usize, counted: &'a PixelSet) -> Material<'a> {
         let corners = self.corners(element);
         let owner = Owner::new(self.elements()[element], corners);
@@ -132,16 +132,16 @@ impl Material<'_> {
 
 /// The rectangle of whole pixels around `nodes`, as far as it lies in an image of that size.
 fn bounds_within(nodes: &[[f64; 2]], size: [usize; 2]) -> Roi {
-    let low = |k: usize| nodes.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min).floor();
-    let high = |k: usize| nodes.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max).ceil() + 1.0;
+    let [low, high] = bounds(nodes);
     let [width, height] = size.map(|n| n as f64);
-    let (x0, y0) = (low(0).clamp(0.0, width - 1.0), low(1).clamp(0.0, height - 1.0));
-    Roi { x0, y0, x1: high(0).clamp(x0 + 1.0, width), y1: high(1).clamp(y0 + 1.0, height) }
+    let (x0, y0) = (low[0].floor().clamp(0.0, width - 1.0), low[1].floor().clamp(0.0, height - 1.0));
+    let [x1, y1] = high.map(|v| v.ceil() + 1.0);
+    Roi { x0, y0, x1: x1.clamp(x0 + 1.0, width), y1: y1.clamp(y0 + 1.0, height) }
 }
 
 /// Whether the corners, in the sense they have in a mesh, go around a convex shape.
 fn is_convex(nodes: [u32; 4], corners: [[f64; 2]; 4]) -> bool {
-    let sides = if nodes[2] == nodes[3] { 3 } else { 4 };
+    let sides = corners_of(&nodes).len();
     (0..sides).all(|k| turn(&corners[..sides], k) > 0.0)
 }
 
@@ -162,16 +162,17 @@ mod tests {
     }
 
     fn pixels_of(zones: &[Zone]) -> Vec<usize> {
-        let laid = PixelMesh::on_zones(zones, 16, 0.5, SIZE).unwrap();
-        laid.pixels
-            .elements()
-            .iter()
-            .map(|element| {
-                let mut n = 0;
-                laid.pixels.for_each(element, |_, _, _, _| n += 1);
-                n
-            })
-            .collect()
+        counts(&PixelMesh::on_zones(zones, 16, 0.5, SIZE).unwrap())
+    }
+
+    /// Pixels of each element.
+    fn counts(laid: &PixelMesh) -> Vec<usize> {
+        let count = |element| {
+            let mut n = 0;
+            laid.pixels.for_each(element, |_, _, _, _| n += 1);
+            n
+        };
+        laid.pixels.elements().iter().map(count).collect()
     }
 
     #[test]
@@ -180,13 +181,7 @@ mod tests {
             let laid = laid(guard);
             let to = moved(&laid.mesh, |[x, y]| [x + 7.0, y - 3.0]);
             let carried = laid.mesh.carried(&laid.zone_pixels, &to, &[true; 9], SIZE).unwrap();
-            let mut before = Vec::new();
-            for element in laid.pixels.elements() {
-                let mut n = 0;
-                laid.pixels.for_each(element, |_, _, _, _| n += 1);
-                before.push(n);
-            }
-            assert_eq!(pixels_of(&carried.zones), before, "guard {guard}");
+            assert_eq!(pixels_of(&carried.zones), counts(&laid), "guard {guard}");
             assert_eq!((carried.nodes.len(), carried.elements.len()), (16, 9));
         }
     }
@@ -215,7 +210,7 @@ mod tests {
         assert_eq!(carried.elements, [0, 1, 3, 4, 6, 7]);
         assert_eq!(carried.nodes, [0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14]);
         let none = laid.mesh.carried(&laid.zone_pixels, &to, &[false; 9], SIZE);
-        assert_eq!(none, Err(MeshError::NoElements { zone: "all".into() }));
+        assert_eq!(none, Err(MeshError::NoElements("all".into())));
     }
 
     #[test]

@@ -3,8 +3,10 @@
 //! The nodes of the grid that are nearest to the path are moved onto it, so that edges of elements follow it, and are
 //! doubled there (docs/correlation.md, 2.12). A cell that the path crosses from corner to corner becomes two triangles.
 
+use super::element::corners_of;
 use super::grid::Grid;
 use super::q4::{Mesh, Part, turn};
+use crate::plane::{distance, minus, unit};
 use crate::units::{Length, Px};
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -15,8 +17,7 @@ pub struct FacePoint {
     pub along: f64,
     /// Position of both nodes in the reference.
     pub at: [f64; 2],
-    /// Unit normal, from `-` to `+`; the path goes along `(-n_y, n_x)`. For a path that goes to the right `+` is
-    /// above.
+    /// Unit normal, from `-` to `+`; the path goes along `(-n_y, n_x)`: for one to the right `+` is above.
     pub normal: [f64; 2],
     /// The node on the side `+`.
     pub plus: usize,
@@ -50,17 +51,9 @@ type Elements = (Vec<[f64; 2]>, Vec<[u32; 4]>);
 /// A place of the lattice, and where its node comes to stand.
 type Moved = ([i64; 2], [f64; 2]);
 
-fn minus(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
-    [a[0] - b[0], a[1] - b[1]]
-}
-
 fn lerp(a: [f64; 2], b: [f64; 2], t: f64) -> [f64; 2] {
     // The end itself keeps its bits.
     if t == 1.0 { b } else { [0, 1].map(|c| a[c] + t * (b[c] - a[c])) }
-}
-
-fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
 fn length(path: &[[f64; 2]]) -> f64 {
@@ -148,8 +141,7 @@ impl Lattice {
         pieces
     }
 
-    /// Goes on to the border when the end of a path lies beside it: what would be left between would hang by half an
-    /// element.
+    /// Goes on to the border when the end of a path lies beside it: what is left would hang by half an element.
     fn to_border(&self, piece: &mut [[f64; 2]]) {
         for _ in 0..2 {
             let n = piece.len();
@@ -227,8 +219,7 @@ fn connect(chain: &mut Vec<Moved>, next: Moved) {
 /// How far from the path the nodes beside it move along, in elements.
 const RINGS: usize = 2;
 
-/// The part of a grid, cut along `paths`: nodes on the paths are doubled, but for ends inside. `None` when no path goes
-/// along an edge.
+/// The part of a grid, cut along `paths` if any goes along an edge: nodes on them are doubled, but for ends inside.
 pub(super) fn cut(part: &Part, paths: &[Vec<[f64; 2]>]) -> Option<Part> {
     let lattice = Lattice::of(part)?;
     let mut moved: HashMap<[i64; 2], [f64; 2]> = HashMap::new();
@@ -265,8 +256,7 @@ pub(super) fn cut(part: &Part, paths: &[Vec<[f64; 2]>]) -> Option<Part> {
     Some(Part { name: part.name.clone(), nodes, elements, grid: None })
 }
 
-/// The nodes with those on the paths moved onto them, and those beside them moved along, so that elements keep their
-/// size.
+/// The nodes with those on the paths moved onto them, and those beside moved along, so that elements keep their size.
 fn placed(part: &Part, lattice: &Lattice, moved: &HashMap<[i64; 2], [f64; 2]>) -> Vec<[f64; 2]> {
     let mut offset: BTreeMap<[i64; 2], [f64; 2]> = BTreeMap::new();
     for (&place, &at) in moved.iter().filter(|(place, _)| lattice.node_at.contains_key(*place)) {
@@ -302,8 +292,7 @@ fn placed(part: &Part, lattice: &Lattice, moved: &HashMap<[i64; 2], [f64; 2]>) -
     nodes
 }
 
-/// The elements, with those that are cut across, or are not convex any more, as two triangles. `None` when one is
-/// folded.
+/// The elements, those cut across or not convex any more as two triangles. `None` when one is folded.
 fn divided(
     part: &Part,
     lattice: &Lattice,
@@ -344,8 +333,7 @@ fn doubled(mut nodes: Vec<[f64; 2]>, mut elements: Vec<[u32; 4]>, cut_edges: &Ha
     let mut around: HashMap<u32, Vec<usize>> = HashMap::new();
     let before = elements.clone();
     for (element, corners) in before.iter().enumerate() {
-        let of_triangle = corners[2] == corners[3];
-        for &node in &corners[..if of_triangle { 3 } else { 4 }] {
+        for &node in corners_of(corners) {
             around.entry(node).or_default().push(element);
         }
     }
@@ -382,8 +370,7 @@ fn doubled(mut nodes: Vec<[f64; 2]>, mut elements: Vec<[u32; 4]>, cut_edges: &Ha
 }
 
 impl Mesh<Px> {
-    /// For each node a point that tells it from others in the same place: the node itself, or, for a node of a cut, a
-    /// point a little inside its own elements.
+    /// For each node a point that tells it from others in its place: itself, or one just inside a cut's own elements.
     pub fn sides(&self) -> Vec<[f64; 2]> {
         const INTO: f64 = 0.25; // of the way to the middle of its elements
         let mut sides = self.nodes().to_vec();
@@ -433,8 +420,7 @@ impl<U: Length> Mesh<U> {
         coincident(self).into_iter().flatten().collect()
     }
 
-    /// The cut along a path: the doubled nodes on it, each pair by its side, and the ends that are joined. Without a
-    /// node there when the mesh is not cut along the path.
+    /// The cut along a path: its doubled nodes, each pair by side, and joined ends; none where the mesh is not cut.
     pub fn cut_faces(&self, path: &[[f64; 2]]) -> CutFaces {
         let reach = 0.75 * self.element_size();
         let groups: Vec<Vec<usize>> = coincident(self)
@@ -492,9 +478,7 @@ impl<U: Length> Mesh<U> {
 /// The unit vector between the points of a path at `reach` before and after a place.
 fn chord(path: &[[f64; 2]], along: f64, reach: f64) -> Option<[f64; 2]> {
     let ((a, _), (b, _)) = (point_along(path, along - reach)?, point_along(path, along + reach)?);
-    let way = minus(b, a);
-    let size = way[0].hypot(way[1]);
-    (size > 0.0).then(|| way.map(|v| v / size))
+    (distance(b, a) > 0.0).then(|| unit(minus(b, a)))
 }
 
 /// The point of a path nearest to another.

@@ -12,12 +12,9 @@ pub enum MeshError {
         /// What was asked for, px.
         size: usize,
     },
-    /// The share of its pixels that an element must keep is none.
-    #[error("the share of pixels that an element must keep is {share}; give a number above 0, at most 1")]
-    ElementShare {
-        /// What was asked for.
-        share: f64,
-    },
+    /// This share of its pixels, that an element must keep, is none.
+    #[error("the share of pixels that an element must keep is {0}; give a number above 0, at most 1")]
+    ElementShare(f64),
     /// The rectangle is not one (swapped corners, NaN).
     #[error("zone '{zone}': ({x0}, {y0}) to ({x1}, {y1}) px is not a rectangle; give x0 < x1 and y0 < y1")]
     NotARectangle {
@@ -64,31 +61,18 @@ pub enum MeshError {
         /// Element size, px.
         size: usize,
     },
-    /// Two zones measure the same pixels.
-    #[error("zones '{first}' and '{second}' overlap; a pixel belongs to one zone only")]
-    Overlap {
-        /// One zone's name.
-        first: String,
-        /// The other's.
-        second: String,
-    },
-    /// Two zones have one name.
-    #[error("two zones are named '{name}'; names must differ")]
-    SameName {
-        /// The name.
-        name: String,
-    },
+    /// These two zones measure the same pixels.
+    #[error("zones '{0}' and '{1}' overlap; a pixel belongs to one zone only")]
+    Overlap(String, String),
+    /// Two zones have this name.
+    #[error("two zones are named '{0}'; names must differ")]
+    SameName(String),
     /// No zone was given.
     #[error("there is no zone to measure")]
     NoZone,
-    /// A polygon of fewer than three corners, or without area.
-    #[error("zone '{zone}': a polygon of {corners} corners encloses nothing; give three or more that are not in line")]
-    NoPolygon {
-        /// Zone's name.
-        zone: String,
-        /// Number of corners.
-        corners: usize,
-    },
+    /// The polygon of a zone, with so many corners, has fewer than three or no area.
+    #[error("zone '{0}': a polygon of {1} corners encloses nothing; give three or more that are not in line")]
+    NoPolygon(String, usize),
     /// Elements along the sides of a polygon that is no convex quadrilateral.
     #[error(
         "zone '{zone}': elements = \"mapped\" needs a polygon with four corners and no corner that points inwards; give those in order around the region, or a mesh file"
@@ -121,12 +105,9 @@ pub enum MeshError {
         /// Number of the corner, from 0.
         corner: usize,
     },
-    /// A crack without length.
-    #[error("zone '{zone}': a crack has no length; give two or more different points 'x,y x,y ...' along it")]
-    CrackShort {
-        /// Zone's name.
-        zone: String,
-    },
+    /// A crack without length in this zone.
+    #[error("zone '{0}': a crack has no length; give two or more different points 'x,y x,y ...' along it")]
+    CrackShort(String),
     /// A crack that cuts no edge of the mesh.
     #[error(
         "the crack from ({x0:.0}, {y0:.0}) to ({x1:.0}, {y1:.0}) px cuts no zone: it lies outside of them all, or is shorter than two \
@@ -169,24 +150,14 @@ pub enum MeshError {
         /// Rows of the image.
         height: usize,
     },
-    /// Nothing is left of a region.
-    #[error("zone '{zone}' holds no pixel of the image: check its rectangle, polygon and mask (white is measured)")]
-    Empty {
-        /// Zone's name.
-        zone: String,
-    },
-    /// No element keeps enough pixels.
+    /// Nothing is left of this zone.
+    #[error("zone '{0}' holds no pixel of the image: check its rectangle, polygon and mask (white is measured)")]
+    Empty(String),
+    /// No element of a zone, of this size (px), keeps the share of pixels asked for, per cent.
     #[error(
-        "zone '{zone}': no element of {size} px has {percent:.0} % of its pixels inside the region; choose smaller elements or a smaller element share"
+        "zone '{0}': no element of {1} px has {2:.0} % of its pixels inside the region; choose smaller elements or a smaller element share"
     )]
-    NoElement {
-        /// Zone's name.
-        zone: String,
-        /// Element size, px.
-        size: usize,
-        /// The share asked for, per cent.
-        percent: f64,
-    },
+    NoElement(String, usize, f64),
     /// The guard leaves nothing to measure with, or is none.
     #[error("zone '{zone}': the guard is {guard} px; give a number from 0 on that leaves pixels in the zone")]
     Guard {
@@ -195,18 +166,11 @@ pub enum MeshError {
         /// What was asked for, px.
         guard: f64,
     },
-    /// Guards for another number of sides than there are.
+    /// A zone with another number of guards than of sides.
     #[error(
-        "zone '{zone}': {given} guards for {sides} sides; give one number for all, or one for each side (rectangle: left, top, right, bottom)"
+        "zone '{0}': {1} guards for {2} sides; give one number for all, or one for each side (rectangle: left, top, right, bottom)"
     )]
-    GuardSides {
-        /// Zone's name.
-        zone: String,
-        /// Numbers given.
-        given: usize,
-        /// Sides of the zone.
-        sides: usize,
-    },
+    GuardSides(String, usize, usize),
     /// An element names a node that does not exist.
     #[error("zone '{zone}': element {element} names node {node}, there are {n_nodes} (counted from 0)")]
     MissingNode {
@@ -245,10 +209,7 @@ pub enum MeshError {
         /// Its position.
         y: f64,
     },
-    /// A mesh without elements.
-    #[error("zone '{zone}': the mesh has no four-sided or three-sided element")]
-    NoElements {
-        /// Zone's name.
-        zone: String,
-    },
+    /// The mesh of this zone has no elements.
+    #[error("zone '{0}': the mesh has no four-sided or three-sided element")]
+    NoElements(String),
 }

@@ -56,9 +56,8 @@ impl Grid {
         super::Roi { x0: self.x0, y0: self.y0, x1, y1 }
     }
 
-    /// Column and row of the element that holds `(x, y)` and the local coordinates (0..1) there. Points
-    /// outside get the nearest element and local coordinates beyond 0..1, so that the field is
-    /// extrapolated linearly.
+    /// Column and row of the element that holds `(x, y)` and the local coordinates (0..1) there. Points outside get the
+    /// nearest element and local coordinates beyond 0..1, so that the field is extrapolated linearly.
     pub(super) fn cell(&self, x: f64, y: f64) -> ([usize; 2], [f64; 2]) {
         let (s, t) = ((x - self.x0) / self.hx, (y - self.y0) / self.hy);
         let i = (s.floor().max(0.0) as usize).min(self.nx - 1);

@@ -41,7 +41,7 @@ impl PixelMesh {
             return Err(MeshError::ElementSize { size });
         }
         if !(share > 0.0 && share <= 1.0) {
-            return Err(MeshError::ElementShare { share });
+            return Err(MeshError::ElementShare(share));
         }
         if zones.is_empty() {
             return Err(MeshError::NoZone);
@@ -50,7 +50,7 @@ impl PixelMesh {
         let mut zone_sets = Vec::with_capacity(zones.len());
         for (at, zone) in zones.iter().enumerate() {
             if zones[..at].iter().any(|other| other.name == zone.name) {
-                return Err(MeshError::SameName { name: zone.name.clone() });
+                return Err(MeshError::SameName(zone.name.clone()));
             }
             zone.cracks.iter().try_for_each(|crack| crack.check(&zone.name))?;
             let (part, pixels) = match &zone.elements {
@@ -63,7 +63,7 @@ impl PixelMesh {
             let rectangles = |k: usize| zones[k].is_rectangle() && zone.is_rectangle();
             if let Some(other) = (0..at).find(|&k| rectangles(k) && overlap(&parts[k], &part)) {
                 let (first, second) = (zones[other].name.clone(), zone.name.clone());
-                return Err(MeshError::Overlap { first, second });
+                return Err(MeshError::Overlap(first, second));
             }
             parts.push(part);
             zone_sets.push(pixels.guarded);
@@ -82,7 +82,7 @@ impl PixelMesh {
             && let Some([first, second]) = pixels::shared(&mesh, &pixels, image)
         {
             let name = |zone: usize| zones[zone].name.clone();
-            return Err(MeshError::Overlap { first: name(first), second: name(second) });
+            return Err(MeshError::Overlap(name(first), name(second)));
         }
         let cracks = zones.iter().map(|zone| zone.cracks.iter().map(|crack| crack.path.clone()).collect()).collect();
         Ok(Self { mesh: Arc::new(mesh), zone_pixels: zone_sets, pixels: Arc::new(pixels), cracks })
@@ -131,7 +131,6 @@ impl PixelMesh {
     }
 }
 
-/// The grid of a zone and its pixels.
 fn lattice(zone: &Zone, size: usize, share: f64, image: [usize; 2]) -> Result<(Part, ZonePixels), MeshError> {
     let pixels = zone_pixels(zone, image, None)?;
     let roi = zone.bounds(image[0], image[1])?;
@@ -146,7 +145,7 @@ fn lattice(zone: &Zone, size: usize, share: f64, image: [usize; 2]) -> Result<(P
         let grid = Grid { x0: roi.x0, y0: roi.y0, hx: h, hy: h, nx, ny, first_node: 0, first_element: 0 };
         return Ok((cracked(zone, Part::whole(name, grid)), pixels));
     }
-    let [left, top, right, bottom] = pixels.all.bounds().ok_or_else(|| MeshError::Empty { zone: name.clone() })?;
+    let [left, top, right, bottom] = pixels.all.bounds().ok_or_else(|| MeshError::Empty(name.clone()))?;
     let (x0, y0) = if zone.roi.is_some() { (roi.x0, roi.y0) } else { (left as f64, top as f64) };
     // Elements that cover the region, the last ones beyond its edge as far as they keep their share.
     let count = |from: f64, to: usize| (((to as f64 - from) / h).ceil() as usize).max(1);
@@ -156,7 +155,7 @@ fn lattice(zone: &Zone, size: usize, share: f64, image: [usize; 2]) -> Result<(P
     let kept: Vec<bool> =
         pixels::cells(&grid, image).map(|cell| pixels.all.count(cell.bounds) as f64 >= enough).collect();
     if !kept.contains(&true) {
-        return Err(MeshError::NoElement { zone: name, size, percent: 100.0 * share });
+        return Err(MeshError::NoElement(name, size, 100.0 * share));
     }
     Ok((cracked(zone, Part::of_cells(name, grid, &kept)), pixels))
 }
@@ -170,7 +169,6 @@ fn cracked(zone: &Zone, part: Part) -> Part {
     cut(&part, &paths).unwrap_or(part)
 }
 
-/// The elements of a zone that brings its own.
 fn own_elements(zone: &Zone, own: &ZoneElements, image: [usize; 2]) -> Result<(Part, ZonePixels), MeshError> {
     let elements = checked(&zone.name, own)?;
     let (width, height) = (image[0] as f64, image[1] as f64);
@@ -184,7 +182,6 @@ fn own_elements(zone: &Zone, own: &ZoneElements, image: [usize; 2]) -> Result<(P
     Ok((Part { name: zone.name.clone(), nodes: own.nodes.clone(), elements, grid: None }, pixels))
 }
 
-/// Whether the grids of two rectangles overlap.
 fn overlap(a: &Part, b: &Part) -> bool {
     let bounds = |part: &Part| part.grid.as_ref().map(|(grid, _)| grid.bounds());
     bounds(a).zip(bounds(b)).is_some_and(|(a, b)| a.x0 < b.x1 && b.x0 < a.x1 && a.y0 < b.y1 && b.y0 < a.y1)

@@ -2,8 +2,7 @@
 
 use super::q4::turn;
 use super::{MeshError, ZoneElements};
-
-type Point = [f64; 2];
+use crate::plane::{Point, distance};
 
 impl ZoneElements {
     /// Elements of about `size` px on the convex quadrilateral with these corners: as many as fit best between corners
@@ -31,10 +30,7 @@ impl ZoneElements {
         if !(turns.iter().all(|t| *t > 0.0) || turns.iter().all(|t| *t < 0.0)) {
             return Err(MeshError::NotConvex { zone: name });
         }
-        let length = |k: usize| {
-            let (a, b) = (corners[k], corners[(k + 1) % 4]);
-            (b[0] - a[0]).hypot(b[1] - a[1])
-        };
+        let length = |k: usize| distance(corners[(k + 1) % 4], corners[k]);
         // Two faces of the same length but for rounding must be cut alike, also where half an element is left.
         let count = |length: f64| ((length / size - 1e-6).round() as usize).clamp(1, 1 << 15);
         let (columns, rows) = (count(length(0)), count(0.5 * (length(1) + length(3))));

@@ -15,8 +15,8 @@ mod zone;
 mod zone_pixels;
 
 pub use carried::CarriedZones;
-pub use crack::{CutFaces, CutTip, FacePoint};
-pub use crack::{point_along, project};
+pub use crack::{CutFaces, CutTip, FacePoint, point_along, project};
+pub(crate) use element::corners_of;
 pub use element::{
     CORNERS, ElementGeometry, GAUSS, GAUSS_POINTS, GAUSS_WEIGHT, InverseMap, LocalMap, local_coordinates,
     local_derivatives, mean_products, shape_functions,

@@ -39,8 +39,7 @@ impl PixelSet {
         }
     }
 
-    /// The smallest box `[x0, y0, x1, y1]` (the last two not included) that holds the set's pixels; `None`
-    /// for the empty set.
+    /// The smallest box `[x0, y0, x1, y1]`, the last two excluded, of the set's pixels; `None` for the empty set.
     pub fn bounds(&self) -> Option<[usize; 4]> {
         match self {
             Self::Box { x0, y0, x1, y1 } => (x0 < x1 && y0 < y1).then_some([*x0, *y0, *x1, *y1]),

@@ -4,13 +4,13 @@ use super::element::local_coordinates;
 use super::grid::Grid;
 use super::pixel_set::PixelSet;
 use super::q4::Mesh;
+use crate::plane::bounds;
 use crate::units::Px;
 
 /// The pixels of one element and their local coordinates.
 ///
-/// With `n_runs == 0` they are a rectangle of `nx` columns and `ny` rows from (x, y) on; column k is at
-/// `xi0 + k dxi`, row k at `eta0 + k deta`. Else they are the runs from `first_run` on, and the rectangle is the
-/// one around them.
+/// With `n_runs == 0` they are a rectangle of `nx` columns and `ny` rows from (x, y) on; column k is at `xi0 + k dxi`,
+/// row k at `eta0 + k deta`. Else they are the runs from `first_run` on, and the rectangle is the one around them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ElementPixels {
     /// First column.
@@ -54,8 +54,7 @@ pub struct Run {
     pub at: u32,
 }
 
-/// The pixels of all elements of a mesh: those whose centre lies in an element, left and upper edge
-/// included, and that belong to the zone.
+/// The pixels of all elements: of the zone, with the centre in an element, left and upper edge included.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PixelMap {
     elements: Vec<ElementPixels>,
@@ -68,8 +67,7 @@ pub struct PixelMap {
 const PADDING: usize = 16;
 
 impl PixelMap {
-    /// The pixels of `mesh` on an image of `width` x `height` px, where `zones` holds those that belong to
-    /// each zone.
+    /// The pixels of `mesh` on an image of `width` x `height` px, where `zones` holds those of each zone.
     pub(super) fn new(mesh: &Mesh<Px>, zones: &[PixelSet], image: [usize; 2]) -> Self {
         let mut map = Self { elements: Vec::with_capacity(mesh.n_elements()), ..Self::default() };
         for (zone, set) in zones.iter().enumerate() {
@@ -225,7 +223,6 @@ impl Cell {
         upright.then_some(Self { bounds, origin: a, size: [b[0] - a[0], d[1] - a[1]] })
     }
 
-    /// Number of its pixels.
     fn n_pixels(&self) -> usize {
         let [x0, y0, x1, y1] = self.bounds;
         (x1 - x0) * (y1 - y0)
@@ -264,25 +261,17 @@ pub(super) fn cells(grid: &Grid, [width, height]: [usize; 2]) -> impl Iterator<I
     })
 }
 
-/// The pixels around an element.
 pub(super) fn around(corners: &[[f64; 2]; 4], width: usize, height: usize) -> [usize; 4] {
-    let low = |k: usize| corners.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min);
-    let high = |k: usize| corners.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max);
+    let [[x0, y0], [x1, y1]] = bounds(corners);
     let pixel = |v: f64, n: usize| v.clamp(0.0, n as f64) as usize;
-    [
-        pixel(low(0).ceil(), width),
-        pixel(low(1).ceil(), height),
-        pixel(high(0).floor() + 1.0, width),
-        pixel(high(1).floor() + 1.0, height),
-    ]
+    let (behind_x, behind_y) = (x1.floor() + 1.0, y1.floor() + 1.0);
+    [pixel(x0.ceil(), width), pixel(y0.ceil(), height), pixel(behind_x, width), pixel(behind_y, height)]
 }
 
-/// Decides which pixels belong to an element of any shape, so that each belongs to one element only: a pixel
-/// on an edge goes to the element to its right or below it.
+/// Decides which pixels an element of any shape owns alone: one on an edge goes to the element to its right or below.
 pub(super) struct Owner([Option<Edge>; 4]);
 
-/// The line between two nodes, always taken from the smaller number to the larger: two elements that share
-/// it then compute the same bits.
+/// The line between two nodes, from the smaller number to the larger: both elements that share it compute its bits.
 struct Edge {
     from: [f64; 2],
     way: [f64; 2],
@@ -331,7 +320,6 @@ pub(super) fn covered(nodes: &[[f64; 2]], elements: &[[u32; 4]], [width, height]
     PixelSet::Raster { x0: 0, y0: 0, width, bits }
 }
 
-/// Two zones that share a pixel.
 pub(super) fn shared(mesh: &Mesh<Px>, pixels: &PixelMap, [width, height]: [usize; 2]) -> Option<[usize; 2]> {
     let mut owner = vec![0u32; width * height];
     let mut found = None;

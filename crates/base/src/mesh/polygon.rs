@@ -2,8 +2,7 @@
 
 use super::pixel_set::PixelSet;
 use super::{MeshError, Zone};
-
-type Point = [f64; 2];
+use crate::plane::{Point, cross, minus};
 
 /// The sides of a polygon, the last one back to its first corner.
 pub(super) fn sides(corners: &[Point]) -> impl Iterator<Item = [Point; 2]> + '_ {
@@ -12,7 +11,7 @@ pub(super) fn sides(corners: &[Point]) -> impl Iterator<Item = [Point; 2]> + '_ 
 
 /// Distance of a point from a line between two points.
 pub(super) fn distance(p: Point, [a, b]: [Point; 2]) -> f64 {
-    let (d, e) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+    let (d, e) = (minus(b, a), minus(p, a));
     let length = d[0] * d[0] + d[1] * d[1];
     let t = if length > 0.0 { ((e[0] * d[0] + e[1] * d[1]) / length).clamp(0.0, 1.0) } else { 0.0 };
     (e[0] - t * d[0]).hypot(e[1] - t * d[1])
@@ -50,7 +49,7 @@ fn check(zone: &Zone, corners: &[Point]) -> Result<(), MeshError> {
     }
     let n = corners.len();
     let area: f64 = sides(corners).map(|[a, b]| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum();
-    let no_polygon = MeshError::NoPolygon { zone: name(), corners: n };
+    let no_polygon = MeshError::NoPolygon(name(), n);
     if n < 3 {
         return Err(no_polygon);
     }
@@ -68,8 +67,6 @@ fn check(zone: &Zone, corners: &[Point]) -> Result<(), MeshError> {
 
 /// Where two lines between points meet.
 fn meeting([a, b]: [Point; 2], [c, d]: [Point; 2]) -> Option<Point> {
-    let cross = |u: Point, v: Point| u[0] * v[1] - u[1] * v[0];
-    let minus = |u: Point, v: Point| [u[0] - v[0], u[1] - v[1]];
     let (r, s, q) = (minus(b, a), minus(d, c), minus(c, a));
     let denominator = cross(r, s);
     if denominator == 0.0 {

@@ -1,8 +1,9 @@
 //! Q4 meshes of one or more zones.
 
-use super::element::{ElementGeometry, local_coordinates, shape_functions};
+use super::element::{ElementGeometry, corners_of, local_coordinates, shape_functions};
 use super::grid::Grid;
 use super::{MeshError, Roi, ZoneElements};
+use crate::plane::bounds;
 use crate::units::{Length, Mm, PixelSize, Px, Vector};
 use std::collections::HashMap;
 use std::marker::PhantomData;
@@ -31,10 +32,8 @@ struct Bins {
 }
 
 impl Bins {
-    fn new(nodes: &[[f64; 2]], elements: &[[u32; 4]], first_node: usize) -> Self {
-        let corner = |k: usize, pick: fn(f64, f64) -> f64, start: f64| nodes.iter().map(|p| p[k]).fold(start, pick);
-        let low = [corner(0, f64::min, f64::INFINITY), corner(1, f64::min, f64::INFINITY)];
-        let high = [corner(0, f64::max, f64::NEG_INFINITY), corner(1, f64::max, f64::NEG_INFINITY)];
+    fn new(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> Self {
+        let [low, high] = bounds(nodes);
         let area = (high[0] - low[0]) * (high[1] - low[1]);
         let size = (area / elements.len().max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
         // Elements as small as numbers get have no quotient that counts; clamped before it is one.
@@ -42,11 +41,7 @@ impl Bins {
         let (columns, rows) = (count(0), count(1));
         let mut bins = Self { origin: low, size, columns, lists: vec![Vec::new(); columns * rows] };
         for (element, corners) in elements.iter().enumerate() {
-            let bound = |k: usize, pick: fn(f64, f64) -> f64, start: f64| {
-                corners.iter().map(|&node| nodes[node as usize - first_node][k]).fold(start, pick)
-            };
-            let from = bins.square([bound(0, f64::min, f64::INFINITY), bound(1, f64::min, f64::INFINITY)]);
-            let to = bins.square([bound(0, f64::max, f64::NEG_INFINITY), bound(1, f64::max, f64::NEG_INFINITY)]);
+            let [from, to] = bounds(corners.iter().map(|&node| &nodes[node as usize])).map(|at| bins.square(at));
             for row in from[1]..=to[1] {
                 for column in from[0]..=to[0] {
                     bins.lists[row * columns + column].push(element as u32);
@@ -125,8 +120,7 @@ impl Part {
     }
 }
 
-/// Twice the area of the corner after point `k` of a polygon: positive at every corner of a convex one whose points go
-/// from x to y.
+/// Twice the area of the corner after point `k` of a polygon: all positive in a convex one that goes from x to y.
 pub(super) fn turn(p: &[[f64; 2]], k: usize) -> f64 {
     let (a, b, c) = (p[k], p[(k + 1) % p.len()], p[(k + 2) % p.len()]);
     (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
@@ -141,7 +135,7 @@ fn reversed([a, b, c, d]: [u32; 4]) -> [u32; 4] {
 pub(super) fn checked(zone: &str, own: &ZoneElements) -> Result<Vec<[u32; 4]>, MeshError> {
     let name = || zone.to_owned();
     if own.elements.is_empty() {
-        return Err(MeshError::NoElements { zone: name() });
+        return Err(MeshError::NoElements(name()));
     }
     let n_nodes = own.nodes.len();
     let mut used = vec![false; n_nodes];
@@ -151,7 +145,7 @@ pub(super) fn checked(zone: &str, own: &ZoneElements) -> Result<Vec<[u32; 4]>, M
             return Err(MeshError::MissingNode { zone: name(), element, node, n_nodes });
         }
         let at = |corners: [u32; 4]| corners.map(|node| own.nodes[node as usize]);
-        let sides = if corners[2] == corners[3] { 3 } else { 4 };
+        let sides = corners_of(corners).len();
         let convex = |p: [[f64; 2]; 4]| (0..sides).all(|k| turn(&p[..sides], k) > 0.0);
         let right = [*corners, reversed(*corners)].into_iter().find(|&corners| convex(at(corners)));
         let Some(right) = right else {
@@ -219,7 +213,7 @@ impl<U: Length> Mesh<U> {
         let mut parts: Vec<Part> = Vec::with_capacity(zones.len());
         for zone in zones {
             if parts.iter().any(|other| other.name == zone.name) {
-                return Err(MeshError::SameName { name: zone.name });
+                return Err(MeshError::SameName(zone.name));
             }
             let elements = checked(&zone.name, &zone)?;
             parts.push(Part { name: zone.name, nodes: zone.nodes, elements, grid: None });
@@ -251,7 +245,7 @@ impl<U: Length> Mesh<U> {
                         ZoneLayout::Whole(grid)
                     }
                 }
-                None => ZoneLayout::Free(Bins::new(&part.nodes, &part.elements, 0)),
+                None => ZoneLayout::Free(Bins::new(&part.nodes, &part.elements)),
             };
             mesh.nodes.extend(part.nodes);
             mesh.zones.push(part.name);
@@ -290,8 +284,7 @@ impl<U: Length> Mesh<U> {
         &self.nodes
     }
 
-    /// The four nodes of each element, in the order (0,0), (1,0), (1,1), (0,1) of the local coordinates; of
-    /// a triangle the last two are the same.
+    /// Nodes of each element at local (0,0), (1,0), (1,1), (0,1); of a triangle the last two are the same.
     pub fn elements(&self) -> &[[u32; 4]] {
         &self.elements
     }
@@ -347,10 +340,8 @@ impl<U: Length> Mesh<U> {
         if let Some(grid) = self.grid(zone) {
             return grid.bounds();
         }
-        let nodes = &self.nodes[self.zone_nodes(zone)];
-        let low = |k: usize| nodes.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min);
-        let high = |k: usize| nodes.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max);
-        Roi { x0: low(0), y0: low(1), x1: high(0), y1: high(1) }
+        let [[x0, y0], [x1, y1]] = bounds(&self.nodes[self.zone_nodes(zone)]);
+        Roi { x0, y0, x1, y1 }
     }
 
     /// The element of `zone` that holds the point, and the local coordinates (0..1) there; `None` outside.
@@ -440,9 +431,8 @@ impl<U: Length> Mesh<U> {
         u
     }
 
-    /// The edges of the elements of one zone that belong to one element alone, each as its two nodes in the
-    /// order of the element's corners: with y down the inside lies to the right of the way from the first to
-    /// the second.
+    /// The edges of the elements of one zone that belong to one element alone, each as its two nodes in the order of
+    /// the element's corners: with y down the inside lies to the right of the way from the first to the second.
     pub fn boundary(&self, zone: usize) -> Vec<[u32; 2]> {
         let elements = &self.elements[self.zone_elements(zone)];
         let edges = || elements.iter().flat_map(|n| (0..4).map(|k| [n[k], n[(k + 1) % 4]])).filter(|[a, b]| a != b);

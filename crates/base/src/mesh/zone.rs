@@ -16,15 +16,13 @@ pub struct Roi {
     pub y1: f64,
 }
 
-/// How far from the border of a zone pixels are left out of all sums, px, while the mesh still reaches the
-/// border. Interpolation mixes what lies beyond the border into the pixels beside it: three pixels are
-/// enough beside an untextured band (THEORY 2).
+/// How far from the border of a zone pixels are left out, px, while the mesh still reaches the border. Interpolation
+/// mixes what lies beyond it into the pixels beside it: three are enough beside an untextured band (THEORY 2).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Guard {
     /// The same along the whole border, also around holes.
     All(f64),
-    /// One number per side. Of a rectangle: left, top, right, bottom. Of a polygon: the side from corner k to
-    /// the next; holes and masks then have none.
+    /// One number per side: left, top, right, bottom, or from corner k of a polygon on; holes and masks have none.
     Sides(Vec<f64>),
     /// Along a line alone, wherever it runs: a facing edge of a joint.
     Along {
@@ -66,8 +64,7 @@ impl Guard {
 pub struct Crack {
     /// Points of the path in order, px. An end inside the zone stays joined: a tip.
     pub path: Vec<[f64; 2]>,
-    /// Pixels whose centre is nearer to the path are left out of all sums, px: the gap of the open crack is no
-    /// specimen.
+    /// Pixels whose centre is nearer to the path are left out, px: the gap of the open crack is no specimen.
     pub guard: f64,
 }
 
@@ -84,7 +81,7 @@ impl Crack {
         if !(self.guard.is_finite() && self.guard >= 0.0) {
             return Err(MeshError::Guard { zone: zone(), guard: self.guard });
         }
-        if self.path.iter().all(|p| *p == self.path[0]) { Err(MeshError::CrackShort { zone: zone() }) } else { Ok(()) }
+        if self.path.iter().all(|p| *p == self.path[0]) { Err(MeshError::CrackShort(zone())) } else { Ok(()) }
     }
 }
 
@@ -97,8 +94,7 @@ pub struct Mask {
 }
 
 impl Mask {
-    /// The mask with `bits` row by row, true where the image is measured; `None` when their number is not
-    /// `width * height`.
+    /// The mask `bits` row by row, true where the image is measured; `None` unless they are `width * height`.
     pub fn new(width: usize, height: usize, bits: Vec<bool>) -> Option<Self> {
         (width.checked_mul(height) == Some(bits.len())).then_some(Self { width, height, bits })
     }
@@ -131,13 +127,11 @@ pub struct ZoneElements {
     pub name: String,
     /// Node positions.
     pub nodes: Vec<[f64; 2]>,
-    /// Corners of each element, numbers in `nodes`, around the element in either sense; of a triangle the
-    /// last one twice.
+    /// Corners of each element, numbers in `nodes`, around it in either sense; of a triangle the last one twice.
     pub elements: Vec<[u32; 4]>,
 }
 
-/// A named region of interest: the pixels that lie in all of rectangle, polygon and mask, and in no
-/// excluded polygon. Zones share no node.
+/// A named region: the pixels in all of rectangle, polygon and mask, in no excluded polygon. Zones share no node.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Zone {
     /// Name, unique among the zones.
@@ -154,8 +148,7 @@ pub struct Zone {
     pub elements: Option<Arc<ZoneElements>>,
     /// Pixels along the border that are left out.
     pub guard: Guard,
-    /// Paths along which its mesh is cut. A zone with elements of its own is not cut again: there they are for coarser
-    /// levels.
+    /// Paths along which its mesh is cut. One with elements of its own is not: there they are for coarser levels.
     pub cracks: Vec<Crack>,
 }
 

@@ -22,8 +22,7 @@ fn rectangle(roi: Roi, guard: [f64; 4], width: usize, height: usize) -> PixelSet
     }
 }
 
-/// The pixels of `zone` on an image of `width` x `height` px. `of_elements` are those of its own elements,
-/// where it has such.
+/// The pixels of `zone` on an image of `width` x `height` px; `of_elements`: those of its own elements, if any.
 pub(super) fn zone_pixels(
     zone: &Zone,
     image: [usize; 2],
@@ -56,7 +55,7 @@ fn of_region(zone: &Zone, [width, height]: [usize; 2], of_elements: Option<Pixel
         return Err(MeshError::MaskSize { zone: zone.name.clone(), mask_width, mask_height, width, height });
     }
     let rectangle = rectangle(roi, [0.0; 4], width, height);
-    let frame = rectangle.bounds().ok_or_else(|| MeshError::Empty { zone: zone.name.clone() })?;
+    let frame = rectangle.bounds().ok_or_else(|| MeshError::Empty(zone.name.clone()))?;
     let polygon = (!zone.polygon.is_empty()).then(|| polygon::fill(zone, &zone.polygon, frame)).transpose()?;
     let holes = zone.exclude.iter().map(|hole| polygon::fill(zone, hole, frame)).collect::<Result<Vec<_>, _>>()?;
     let all = PixelSet::raster(frame, |x, y| {
@@ -66,7 +65,7 @@ fn of_region(zone: &Zone, [width, height]: [usize; 2], of_elements: Option<Pixel
             && of_elements.as_ref().is_none_or(|elements| elements.contains(x, y))
     });
     if all.bounds().is_none() {
-        return Err(MeshError::Empty { zone: zone.name.clone() });
+        return Err(MeshError::Empty(zone.name.clone()));
     }
     let guarded = match &zone.guard {
         guard if guard.is_none() => all.clone(),
@@ -84,8 +83,7 @@ fn of_region(zone: &Zone, [width, height]: [usize; 2], of_elements: Option<Pixel
     Ok(ZonePixels { all, guarded })
 }
 
-/// The pixels of `set` whose centre is at least `width` from `line`. A line that is no side of whole pixels cuts them
-/// anywhere, so that the centre stands for the pixel here.
+/// The pixels of `set` with their centre `width` or more from `line`, which may cut pixels: the centre decides.
 fn beside(set: &PixelSet, frame: [usize; 4], line: &[[f64; 2]], width: f64) -> PixelSet {
     PixelSet::raster(frame, |x, y| {
         let centre = [x as f64, y as f64];
@@ -101,7 +99,7 @@ fn check_guard(zone: &Zone) -> Result<(), MeshError> {
         Guard::Sides(guards) => (guards.as_slice(), zone.polygon.len()),
     };
     if guards.len() != sides {
-        return Err(MeshError::GuardSides { zone: name(), given: guards.len(), sides });
+        return Err(MeshError::GuardSides(name(), guards.len(), sides));
     }
     if let Guard::Along { line, .. } = &zone.guard
         && let Some(corner) = line.iter().position(|p| !p.iter().all(|v| v.is_finite()))
@@ -114,8 +112,7 @@ fn check_guard(zone: &Zone) -> Result<(), MeshError> {
     }
 }
 
-/// The pixels of `set` farther than `guard` from the nearest pixel of the image that is not in the set. The
-/// image's own border is none: nothing is mixed in from beyond it.
+/// The pixels of `set` farther than `guard` from those of the image that are not in it; its own border mixes nothing.
 fn without_border(set: &PixelSet, frame: [usize; 4], guard: f64, [width, height]: [usize; 2]) -> PixelSet {
     let [x0, y0, x1, y1] = frame;
     // The pixels around the frame are outside of the set, those beyond the image do not exist.

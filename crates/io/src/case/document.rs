@@ -3,8 +3,8 @@
 use super::explain::{explain, heading};
 use super::reader::{OF_JOINT, Reader, TESTS};
 use super::{CaseError, CaseFile, CaseText};
+use crate::text::{read_file, text_of};
 use serde::Deserialize;
-use std::io::ErrorKind;
 use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, Deserializer};
@@ -103,17 +103,9 @@ impl CaseFile {
 /// # Errors
 /// A file that cannot be read, that is not TOML, or that has a key or a value that a case file does not have.
 pub fn read_document(path: &Path) -> Result<CaseDocument, CaseError> {
-    let bytes = std::fs::read(path).map_err(|reason| match reason.kind() {
-        ErrorKind::NotFound => CaseError::NotFound { path: path.to_owned() },
-        _ => CaseError::Io { path: path.to_owned(), reason },
-    })?;
-    match std::str::from_utf8(&bytes) {
-        Ok(text) => CaseDocument::parse(text, path),
-        Err(error) => {
-            let line = 1 + bytes.iter().take(error.valid_up_to()).filter(|&&b| b == b'\n').count();
-            Err(CaseError::NotText { path: path.to_owned(), line })
-        }
-    }
+    let bytes = read_file(path, CaseError::NotFound, CaseError::Io)?;
+    let text = text_of(&bytes).map_err(|line| CaseError::NotText { path: path.to_owned(), line })?;
+    CaseDocument::parse(text, path)
 }
 
 /// Reads what a correlation takes of the case file `path`.

@@ -14,19 +14,11 @@ use toml::de::{DeTable, DeValue};
 #[non_exhaustive]
 pub enum CaseError {
     /// There is no such file.
-    #[error("{}: there is no such case file; check the name and the folder", path.display())]
-    NotFound {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{}: there is no such case file; check the name and the folder", .0.display())]
+    NotFound(PathBuf),
     /// The file system refuses.
-    #[error("{}: the case file cannot be read: {reason}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        reason: io::Error,
-    },
+    #[error("{}: the case file cannot be read: {}", .0.display(), .1)]
+    Io(PathBuf, io::Error),
     /// The file is not UTF-8 text.
     #[error("{}, line {line}: the case file is not UTF-8 text; save it as UTF-8", path.display())]
     NotText {
@@ -49,16 +41,9 @@ pub enum CaseError {
         /// What is wrong, with the key and what is expected.
         message: String,
     },
-    /// A section that the command needs is not there.
-    #[error("{}: [{section}] is missing; {hint}", path.display())]
-    Missing {
-        /// The file.
-        path: PathBuf,
-        /// The section.
-        section: &'static str,
-        /// What to give.
-        hint: &'static str,
-    },
+    /// A section that the command needs is not there; what to give.
+    #[error("{}: [{}] is missing; {}", .0.display(), .1, .2)]
+    Missing(PathBuf, &'static str, &'static str),
 }
 
 /// Where a key stands: `case.toml, line 12`.

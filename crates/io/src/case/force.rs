@@ -4,7 +4,7 @@ use super::lists::name;
 use super::quantities::CaseLoad;
 use schemars::JsonSchema;
 use serde::de::{self, Visitor};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt;
 
 /// The load cell: beside the fields in the objective of a fit, or alone; or, with `use = false` or without a fit, held
@@ -83,7 +83,8 @@ fn is_true(value: &bool) -> bool {
 }
 
 /// A direction in the plane.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum CaseDirection {
     /// Along an axis.
     Axis(CaseAxis),
@@ -122,21 +123,12 @@ impl CaseDirection {
 }
 
 /// What a case file holds for [`CaseDirection`].
-#[derive(Serialize, JsonSchema)]
+#[derive(JsonSchema)]
 #[serde(untagged)]
+#[expect(dead_code, reason = "it is there for its schema")]
 enum DirectionKey {
     Axis(CaseAxis),
     Degrees(f64),
-}
-
-impl Serialize for CaseDirection {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match *self {
-            Self::Axis(axis) => DirectionKey::Axis(axis),
-            Self::Degrees(degrees) => DirectionKey::Degrees(degrees),
-        }
-        .serialize(serializer)
-    }
 }
 
 impl<'de> Deserialize<'de> for CaseDirection {

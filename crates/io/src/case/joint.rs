@@ -26,7 +26,8 @@ pub struct CaseInterface {
 }
 
 /// Nodes with a name, whose reaction is given.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum CaseNodeGroup {
     /// Conditions on the position, as `y = max and x < 2.5`.
     Where(String),
@@ -35,21 +36,12 @@ pub enum CaseNodeGroup {
 }
 
 /// What a case file holds for [`CaseNodeGroup`].
-#[derive(Serialize, JsonSchema)]
+#[derive(JsonSchema)]
 #[serde(untagged)]
+#[expect(dead_code, reason = "it is there for its schema")]
 pub(super) enum NodeGroupKey {
     Where(String),
     List(Vec<u32>),
-}
-
-impl Serialize for CaseNodeGroup {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Where(text) => NodeGroupKey::Where(text.clone()),
-            Self::List(list) => NodeGroupKey::List(list.clone()),
-        }
-        .serialize(serializer)
-    }
 }
 
 impl<'de> Deserialize<'de> for CaseNodeGroup {

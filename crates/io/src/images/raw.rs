@@ -54,7 +54,6 @@ pub(crate) struct Channels {
     pub planar: bool,
 }
 
-/// Samples as decoded.
 pub(crate) struct Raw {
     pub width: usize,
     pub height: usize,
@@ -104,7 +103,6 @@ pub(crate) fn luminance(red: f32, green: f32, blue: f32) -> f32 {
 }
 
 impl Channels {
-    /// One grey level per pixel.
     pub(crate) const GREY: Channels = Channels { n: 1, colour: false, planar: false };
 
     /// The grey levels of the samples; what is lost is noted.
@@ -137,7 +135,6 @@ impl Channels {
         }
     }
 
-    /// The first channel.
     pub(crate) fn first(self, samples: Pixels) -> Pixels {
         if self.n == 1 {
             return samples;

@@ -10,33 +10,17 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum WriteError {
     /// The name does not end in a format that is written.
-    #[error("{}: images are written as .tif, .tiff or .png; choose a name with one of these endings", path.display())]
-    Ending {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{}: images are written as .tif, .tiff or .png; choose a name with one of these endings", .0.display())]
+    Ending(PathBuf),
     /// PNG has no floats.
-    #[error("{}: PNG cannot hold 32-bit floats; write a .tif file", path.display())]
-    FloatPng {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{}: PNG cannot hold 32-bit floats; write a .tif file", .0.display())]
+    FloatPng(PathBuf),
     /// The image does not fit in the format.
-    #[error("{}: the image cannot be encoded: {reason}", path.display())]
-    Encode {
-        /// The file.
-        path: PathBuf,
-        /// What the encoder says.
-        reason: String,
-    },
+    #[error("{}: the image cannot be encoded: {}", .0.display(), .1)]
+    Encode(PathBuf, String),
     /// The file system refuses.
-    #[error("{}: cannot be written: {reason}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        reason: io::Error,
-    },
+    #[error("{}: cannot be written: {}", .0.display(), .1)]
+    Io(PathBuf, io::Error),
 }
 
 /// Writes `image` to `path` in its own depth: `.tif` and `.tiff` uncompressed, `.png` 8 or 16 bit.
@@ -48,13 +32,13 @@ pub fn write_image(path: &Path, image: &Image) -> Result<(), WriteError> {
     let encoded = match ending.as_deref() {
         Some("tif" | "tiff") => encode_tiff(image),
         Some("png") if matches!(image.pixels(), Levels::F32(_)) => {
-            return Err(WriteError::FloatPng { path: path.to_owned() });
+            return Err(WriteError::FloatPng(path.to_owned()));
         }
-        Some("png") => encode_png(image),
-        _ => return Err(WriteError::Ending { path: path.to_owned() }),
+        Some("png") => png_bytes(image),
+        _ => return Err(WriteError::Ending(path.to_owned())),
     };
-    let bytes = encoded.map_err(|reason| WriteError::Encode { path: path.to_owned(), reason })?;
-    std::fs::write(path, bytes).map_err(|reason| WriteError::Io { path: path.to_owned(), reason })
+    let bytes = encoded.map_err(|reason| WriteError::Encode(path.to_owned(), reason))?;
+    std::fs::write(path, bytes).map_err(|reason| WriteError::Io(path.to_owned(), reason))
 }
 
 fn encode_tiff(image: &Image) -> Result<Vec<u8>, String> {
@@ -76,10 +60,6 @@ fn encode_tiff(image: &Image) -> Result<Vec<u8>, String> {
 /// # Errors
 /// An image of floats, or larger than PNG allows, in words.
 pub fn png_bytes(image: &Image) -> Result<Vec<u8>, String> {
-    encode_png(image)
-}
-
-fn encode_png(image: &Image) -> Result<Vec<u8>, String> {
     use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
     let (width, height) = sides(image)?;
     let mut bytes = Vec::new();

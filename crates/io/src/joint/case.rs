@@ -49,7 +49,7 @@ impl CaseDocument {
     pub fn joint(self) -> Result<JointCase, CaseError> {
         self.taken_by(Reader::Joint)?;
         let Self { case, text, .. } = self;
-        let missing = |section, hint| CaseError::Missing { path: text.path().to_owned(), section, hint };
+        let missing = |section, hint| CaseError::Missing(text.path().to_owned(), section, hint);
         Ok(JointCase {
             base: case.base,
             mesh: case

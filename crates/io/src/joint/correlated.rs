@@ -20,13 +20,11 @@ pub struct JointRun {
     pub instants: Vec<Vec<Option<[f64; 2]>>>,
     /// Standard uncertainty of each displacement at each instant, mm; zero where it was not measured.
     pub sigma: Vec<Vec<[f64; 2]>>,
-    /// Normal matrix of the correlation; `None` when the run kept none: it was regularised, or an earlier version
-    /// made it.
+    /// Normal matrix of the correlation; `None` when the run kept none: regularised, or of an earlier version.
     pub normal_matrix: Option<RunMatrix>,
     /// How many images the reference is the mean of.
     pub n_references: usize,
-    /// Noise of one image that the frames' uncertainties are made with, grey levels, root mean square over frames and
-    /// zones; `None` in stores of earlier versions.
+    /// Noise of an image behind the uncertainties, grey levels, rms over frames and zones; `None` in earlier stores.
     pub noise_grey: Option<f64>,
     /// What the residuals say of that noise, by it: rms over frames and zones; 1 unless a noise was stated. A stated
     /// noise that is contradicted makes every interval wrong by this factor.

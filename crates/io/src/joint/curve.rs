@@ -3,8 +3,6 @@
 use super::{JointFileError, read_table};
 use crate::case::{CaseMaterial, CaseSubstrate};
 use std::path::Path;
-
-/// The columns of a curve.
 const COLUMNS: [&str; 2] = ["strain", "stress_MPa"];
 
 /// Puts the curves of files that `substrate` names, relative to `base`, into it in place of their names.
@@ -18,13 +16,13 @@ pub fn read_curves(substrate: &mut CaseSubstrate, base: &Path) -> Result<(), Joi
         let Some(name) = file.take() else { continue };
         let path = base.join(&name);
         if curve.is_some() {
-            return Err(JointFileError::CurveTwice);
+            return Err(JointFileError::section("substrate", "file and curve are both given; take one away"));
         }
         let (columns, rows) = read_table(&path)?;
         let place = |wanted: &str| columns.iter().position(|column| column == wanted);
         let (Some(strain), Some(stress)) = (place(COLUMNS[0]), place(COLUMNS[1])) else {
-            let found = columns.join(",");
-            return Err(JointFileError::Header { path, needed: "strain,stress_MPa", found });
+            let what = format!("the header must be strain,stress_MPa, not '{}'", columns.join(","));
+            return Err(JointFileError::File(path, what));
         };
         *curve = Some(rows.iter().filter_map(|row| Some([*row.get(strain)?, *row.get(stress)?])).collect());
     }

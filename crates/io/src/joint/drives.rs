@@ -46,10 +46,7 @@ impl DrivesInput {
         text: &CaseText,
     ) -> Result<Self, JointFileError> {
         let value = |section: &'static str, key: &'static str, given: &Option<CaseHistory>| {
-            let in_case = |error: JointFileError| JointFileError::InCase {
-                place: text.place(section, Some(key)),
-                error: Box::new(error),
-            };
+            let in_case = |error| JointFileError::InCase(text.place(section, Some(key)), Box::new(error));
             given.as_ref().map(|given| history(given, key, base).map_err(in_case)).transpose()
         };
         let supports = supports.iter().map(|support| {
@@ -68,7 +65,7 @@ impl DrivesInput {
 }
 
 fn history(given: &CaseHistory, key: &'static str, base: &Path) -> Result<History, JointFileError> {
-    let wrong = |what: String| JointFileError::History { key, what };
+    let wrong = |what: String| JointFileError::Wrong(format!("{key}: {what}"));
     let finite = |values: Vec<f64>| match values.iter().position(|value| !value.is_finite()) {
         Some(at) => Err(wrong(format!("value {} is not finite", at + 1))),
         None if values.is_empty() => Err(wrong("the list is empty; give a value for each instant".to_owned())),
@@ -95,14 +92,14 @@ fn read_column(path: &Path, name: &str) -> Result<Vec<f64>, JointFileError> {
     let text = String::from_utf8_lossy(&bytes);
     let mut rows =
         csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
-    let empty = || JointFileError::Empty { path: path.to_owned() };
+    let empty = || JointFileError::file(path, "the table has no row");
     let names = rows.headers().cloned().map_err(|_| empty())?;
     if names.is_empty() {
         return Err(empty());
     }
     let Some(place) = names.iter().position(|other| other == name) else {
         let there = names.iter().collect::<Vec<_>>().join(", ");
-        return Err(JointFileError::Column { path: path.to_owned(), name: name.to_owned(), there });
+        return Err(JointFileError::file(path, format!("there is no column \"{name}\"; it has {there}")));
     };
     let mut values = Vec::new();
     for row in rows.records() {

@@ -20,16 +20,14 @@ pub struct ForceInput {
 
 /// Reads what `[force]` of `case` names, for the instants of `boundary` (of `drives` where there is none): the rows of
 /// a table are its instants, those of a correlation run its frames.
-///
-/// # Errors
-/// See [`JointFileError`].
 pub fn read_force(
     case: &JointCase,
     boundary: &BoundaryInput,
     drives: &DrivesInput,
 ) -> Result<Option<ForceInput>, JointFileError> {
     let Some(asked) = &case.force else { return Ok(None) };
-    let mut load = asked.load().ok_or(JointFileError::NoForceFile)?;
+    let no_file = || JointFileError::section("force", "names no load file; give file = \"load.csv\"");
+    let mut load = asked.load().ok_or_else(no_file)?;
     load.file = case.base.join(&load.file).to_string_lossy().into_owned();
     load.frame_times = load.frame_times.map(|file| case.base.join(file).to_string_lossy().into_owned());
     let n_frames = match boundary {

@@ -67,27 +67,29 @@ struct MeshJson {
 /// groups of curves named `lower_face`, `upper_face`, `boundary` and whatever else. In `.msh` and `.vtu` the physical
 /// groups of surfaces (or the cell data `zone`) are groups of elements; nodes of different groups at the same place are
 /// one node, so that the layers of a strip hang together; nodes are numbered in the order of the groups.
-///
-/// # Errors
-/// See [`JointFileError`].
 pub fn read_joint_mesh(path: &Path) -> Result<JointMeshFile, JointFileError> {
     parse_joint_mesh(&bytes_of(path)?, path)
 }
 
 /// The mesh with the content `bytes`; `path` stands in messages. See [`read_joint_mesh`].
-///
-/// # Errors
-/// Those of [`read_joint_mesh`], but for a file that cannot be read.
 pub fn parse_joint_mesh(bytes: &[u8], path: &Path) -> Result<JointMeshFile, JointFileError> {
     if bytes.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{') {
-        let json = |error: serde_json::Error| JointFileError::Json { path: path.to_owned(), reason: error.to_string() };
-        let mut mesh: MeshJson = serde_json::from_slice(bytes).map_err(json)?;
+        let wrong = |reason: String| {
+            JointFileError::file(
+                path,
+                format!(
+                    "no mesh of a joint in JSON ({reason}); it needs \"nodes\" [x, y] in mm and \"quads\", and \"cohesive\" where \
+                     the faces are not to be found by geometry"
+                ),
+            )
+        };
+        let mut mesh: MeshJson = serde_json::from_slice(bytes).map_err(|error| wrong(error.to_string()))?;
         mesh.lower_face.append(&mut mesh.upper_face);
         let lists = mesh.dirichlet_nodes.iter().chain(&mesh.selected_nodes);
         let listed = mesh.lower_face.iter().chain(lists.flatten()).chain(mesh.node_groups.values().flatten());
         if let Some(node) = listed.copied().find(|&node| node as usize >= mesh.nodes.len()) {
-            let reason = format!("a list of nodes names node {node}, there are {} (counted from 0)", mesh.nodes.len());
-            return Err(JointFileError::Json { path: path.to_owned(), reason });
+            let n_nodes = mesh.nodes.len();
+            return Err(wrong(format!("a list of nodes names node {node}, there are {n_nodes} (counted from 0)")));
         }
         return Ok(JointMeshFile {
             path: path.to_owned(),
@@ -95,14 +97,12 @@ pub fn parse_joint_mesh(bytes: &[u8], path: &Path) -> Result<JointMeshFile, Join
             elements: mesh.quads,
             interfaces: mesh.cohesive,
             faces: mesh.lower_face,
-            lower: None,
             prescribed: mesh.dirichlet_nodes,
             selected: mesh.selected_nodes,
             node_groups: mesh.node_groups,
             groups: mesh.groups,
             element_group: mesh.quad_group,
-            by_position: false,
-            mm_per_px: None,
+            ..JointMeshFile::default()
         });
     }
     let MeshFile { zones, curves, .. } = parse_mesh(bytes, path)?;

@@ -4,9 +4,6 @@ use super::{JointFileError, JointRun};
 use std::path::Path;
 
 /// Refuses the run of the store `path`.
-///
-/// # Errors
-/// Always.
 pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
-    Err(JointFileError::BuiltWithoutStore { path: path.to_owned() })
+    Err(JointFileError::file(path, "quadrille was built without the stores of correlation runs (its feature `store`)"))
 }

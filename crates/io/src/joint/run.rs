@@ -19,10 +19,13 @@ const SUMMARY: &str = "summary.json";
 pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
     let store = Store::open(path)?;
     let Some(scale) = store.header().pixel_size else {
-        return Err(JointFileError::NoPixelSize { path: path.to_owned() });
+        let what = "the run has no pixel size; correlate again with --pixel-size MM";
+        return Err(JointFileError::file(path, what));
     };
     if store.header().elements() == Elements::CubicSpline {
-        return Err(JointFileError::Splines { path: path.to_owned() });
+        let what = "the displacements of the run are cubic splines, whose nodes are bound to each other: intervals made of \
+                    them would be too narrow; correlate again without --elements";
+        return Err(JointFileError::file(path, what));
     }
     let measured = store.mesh();
     let on_specimen = Arc::new(measured.to_mm(scale));
@@ -51,7 +54,7 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
         }
     }
     if frames.is_empty() {
-        return Err(JointFileError::NoFrame { path: path.to_owned() });
+        return Err(JointFileError::file(path, "no frame of the run converged; look at its summary.json"));
     }
     let mut noise = [0.0; 2];
     let mut n_known = 0.0;
@@ -93,8 +96,7 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
     })
 }
 
-/// What the correlation warned of, from the summary beside the store. A run that goes on has none yet, and one that was
-/// moved without it is none the worse.
+/// Warnings of the correlation from the summary beside the store; a run that goes on, or was moved, may have none.
 fn warnings_beside(store: &Path) -> Vec<Remark> {
     #[derive(serde::Deserialize)]
     struct Remarks {

@@ -49,18 +49,11 @@ pub enum IdentifyInput {
 }
 
 /// Reads the case file `path`, of one test or of several, and every file that it names.
-///
-/// # Errors
-/// See [`JointFileError`].
 pub fn read_identify(path: &Path) -> Result<IdentifyInput, JointFileError> {
     identify_of(read_document(path)?)
 }
 
-/// The case file with the content `text`, and every file that it names; `path` gives its folder and stands in messages.
-/// See [`read_identify`].
-///
-/// # Errors
-/// Those of [`read_identify`], but for a case file that cannot be read.
+/// The case file `text` and every file that it names; `path` gives its folder and stands in messages.
 pub fn parse_identify(text: &str, path: &Path) -> Result<IdentifyInput, JointFileError> {
     identify_of(CaseDocument::parse(text, path)?)
 }
@@ -75,28 +68,29 @@ fn identify_of(document: CaseDocument) -> Result<IdentifyInput, JointFileError> 
 fn read_tests(document: CaseDocument) -> Result<TestsInput, JointFileError> {
     document.taken_by(Reader::Tests)?;
     let CaseDocument { case, text, .. } = document;
-    let missing = || CaseError::Missing {
-        path: text.path().to_owned(),
-        section: "fit",
-        hint: "give parameters = [\"phi_n\", \"delta_n\", \"delta_t\", \"r\"], which all tests share",
+    let missing = || {
+        CaseError::Missing(
+            text.path().to_owned(),
+            "fit",
+            "give parameters = [\"phi_n\", \"delta_n\", \"delta_t\", \"r\"], which all tests share",
+        )
     };
     let fit = case.fit.ok_or_else(missing)?;
     let base = case.base;
     let (mut tests, mut notes): (Vec<TestInput>, Vec<String>) = (Vec::new(), Vec::new());
     for test in &case.tests {
         let name = name_of(test);
-        let wrong = |error: JointFileError| JointFileError::InTest {
-            place: text.place("test", None),
-            name: name.clone(),
-            error: Box::new(error),
-        };
+        let wrong = |error| JointFileError::InTest(text.place("test", None), name.clone(), Box::new(error));
         if tests.iter().any(|other| other.name == name) {
-            return Err(wrong(JointFileError::SameName));
+            let what = "another test has the same name; give each [[test]] a name = \"..\" of its own";
+            return Err(wrong(JointFileError::Wrong(what.to_owned())));
         }
         // The results of the test lie in a folder of its name, beside these.
         let plain = |c: char| c.is_alphanumeric() || "-_. ".contains(c);
         if !name.chars().all(plain) || name.starts_with('.') || [FIGURES, ""].contains(&name.trim()) {
-            return Err(wrong(JointFileError::TestName));
+            let what = "its results get a folder of its name; give it a name = \"..\" of letters, digits, - and _, other than \
+                        figures";
+            return Err(wrong(JointFileError::Wrong(what.to_owned())));
         }
         let (path, input) = read_one(&base.join(&test.case)).map_err(wrong)?;
         let input = with_shared(input, &name, case.cohesive.as_ref(), &fit, &mut notes);
@@ -123,14 +117,15 @@ fn read_one(path: &Path) -> Result<(PathBuf, JointInput), JointFileError> {
     let document = read_document(&path)?;
     // What begins with images is measured first.
     if document.case.interface.is_some() {
-        return Err(JointFileError::NotMeasuredYet { path });
+        let what = "is a case of quadrille run, whose images are not measured yet; run it, and give the folder of its results: \
+                    case = \"RUN\"";
+        return Err(JointFileError::file(&path, what));
     }
     let input = joint_of(document.joint()?)?;
     Ok((path, input))
 }
 
-/// The input of the test called `name` with the law, the parameters, the starts and the bounds of the case that names
-/// it.
+/// The input of the test `name` with the law, the parameters, the starts and the bounds of its case.
 fn with_shared(
     mut input: JointInput,
     name: &str,

@@ -5,9 +5,6 @@ use std::io::{self, Write};
 use std::path::Path;
 
 /// Writes a table: `#` lines with `notes`, the header `columns`, and the rows; numbers with 17 digits.
-///
-/// # Errors
-/// Those of `out`.
 pub fn write_table<W: Write>(
     mut out: W,
     notes: &[String],
@@ -45,13 +42,9 @@ pub fn read_table(path: &Path) -> Result<(Vec<String>, Vec<Vec<f64>>), JointFile
 }
 
 /// The table with the content `bytes`; `path` stands in messages. See [`read_table`].
-///
-/// # Errors
-/// Those of [`read_table`], but for a file that cannot be read.
 pub fn parse_table(bytes: &[u8], path: &Path) -> Result<(Vec<String>, Vec<Vec<f64>>), JointFileError> {
     let text = String::from_utf8_lossy(bytes);
-    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
-    let Some((_, header)) = lines.next() else { return Err(JointFileError::Empty { path: path.to_owned() }) };
+    let (header, rows) = split_table(&text, path)?;
     // Names may hold commas, in quotes; numbers do not.
     let mut header = csv::ReaderBuilder::new().has_headers(false).from_reader(header.as_bytes()).into_records();
     let header = header.next().and_then(Result::ok).unwrap_or_default();
@@ -64,6 +57,36 @@ pub fn parse_table(bytes: &[u8], path: &Path) -> Result<(Vec<String>, Vec<Vec<f6
             what: format!("{} numbers are needed", columns.len()),
         })
     };
-    let rows = lines.map(row).collect::<Result<_, _>>()?;
+    let rows = rows.map(row).collect::<Result<_, _>>()?;
     Ok((columns, rows))
+}
+
+/// The header of a table, and its rows with their lines, from 1; without comments and empty lines.
+pub(super) fn split_table<'a>(
+    text: &'a str,
+    path: &Path,
+) -> Result<(&'a str, impl Iterator<Item = (usize, &'a str)> + use<'a>), JointFileError> {
+    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
+    let (_, header) = lines.next().ok_or_else(|| JointFileError::file(path, "the table has no row"))?;
+    Ok((header, lines))
+}
+
+/// A row `instant,node,..` with further numbers, called `names` in messages.
+pub(super) fn parse_row<const N: usize>(row: &str, names: [&str; N]) -> Result<(usize, u32, [f64; N]), String> {
+    let fields: Vec<&str> = row.split(',').map(str::trim).collect();
+    let Some((&[instant, node], values)) = fields.split_first_chunk().filter(|(_, values)| values.len() == N) else {
+        return Err(format!("{} values instead of {}", fields.len(), N + 2));
+    };
+    let count =
+        |text: &str, what: &str| text.parse::<u32>().map_err(|_| format!("{what} is '{text}', not a whole number"));
+    let (instant, node) = (count(instant, "instant")? as usize, count(node, "node")?);
+    let mut numbers = [0.0; N];
+    for ((number, text), name) in numbers.iter_mut().zip(values).zip(names) {
+        let value = text.parse().ok().filter(|value: &f64| value.is_finite());
+        *number = value.ok_or_else(|| format!("{name} is '{text}', not a finite number"))?;
+    }
+    if instant == 0 || instant > 1_000_000 {
+        return Err(format!("instant is {instant}; instants are counted from 1"));
+    }
+    Ok((instant, node, numbers))
 }

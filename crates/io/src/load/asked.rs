@@ -11,7 +11,7 @@ use std::path::Path;
 /// # Errors
 /// A file that cannot be read or joined, and times that are missing or given twice.
 pub fn read_as_asked(load: &CaseLoad, n_frames: usize) -> Result<LoadTable, LoadError> {
-    let wrong = |what: String| Err(LoadError::Times { what });
+    let wrong = |what: String| Err(LoadError::Times(what));
     let path = Path::new(&load.file);
     for (name, value, least) in [
         ("the interval of the frames (--frame-interval, frame_interval_s)", load.frame_interval_s, 0.0),

@@ -12,19 +12,11 @@ pub(super) const STRESS: &str = "stress_MPa";
 #[non_exhaustive]
 pub enum LoadError {
     /// There is no such file.
-    #[error("{}: there is no such load file; check the name and the folder", path.display())]
-    NotFound {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{}: there is no such load file; check the name and the folder", .0.display())]
+    NotFound(PathBuf),
     /// The file system refuses.
-    #[error("{}: the load file cannot be read: {reason}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        reason: io::Error,
-    },
+    #[error("{}: the load file cannot be read: {}", .0.display(), .1)]
+    Io(PathBuf, io::Error),
     /// The file is not UTF-8 text.
     #[error("{}, line {line}: the load file is not UTF-8 text; save it as CSV (UTF-8)", path.display())]
     NotText {
@@ -33,14 +25,9 @@ pub enum LoadError {
         /// Line of the first byte that is none, from 1.
         line: usize,
     },
-    /// There is no header, or no row after it.
-    #[error("{}: the load file has no {what}; a header such as `time_s,load_N` and a row per image are needed", path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-        /// Header, column or row.
-        what: &'static str,
-    },
+    /// There is no header, column, or row after it.
+    #[error("{}: the load file has no {}; a header such as `time_s,load_N` and a row per image are needed", .0.display(), .1)]
+    Empty(PathBuf, &'static str),
     /// A column's name does not end in a unit.
     #[error(
         "{}, line {line}: column '{column}' has no unit; write it as {column}_N or {column} [N], {column}_1 when it has none",
@@ -54,16 +41,9 @@ pub enum LoadError {
         /// The column.
         column: String,
     },
-    /// Two columns have one name, or one has none.
-    #[error("{}, line {line}: a column named '{column}' stands there twice or has no name", path.display())]
-    ColumnName {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: u64,
-        /// The name.
-        column: String,
-    },
+    /// Two columns have one name, or one has none: line, from 1, and name.
+    #[error("{}, line {}: a column named '{}' stands there twice or has no name", .0.display(), .1, .2)]
+    ColumnName(PathBuf, u64, String),
     /// A row is longer or shorter than the header, or cannot be taken apart.
     #[error("{}, line {line}: {found} values under {expected} columns{}", path.display(), hint(*.decimal_commas))]
     Row {
@@ -112,28 +92,13 @@ pub enum LoadError {
         /// The frame.
         frame: usize,
     },
-    /// There is no column of that name to take times from.
-    #[error("{}: there is no column '{column}' to take times from; the columns are {}", path.display(), list(columns))]
-    NoTime {
-        /// The file.
-        path: PathBuf,
-        /// The column asked for.
-        column: String,
-        /// Those of the file.
-        columns: Vec<String>,
-    },
-    /// The column of times is in another unit.
-    #[error(
-        "{}: the times in column '{column}' are not seconds; write the unit as [s], [ms], [min] or [h], or give clock times such \
-         as 10:31:05.20",
-        path.display()
-    )]
-    TimeUnit {
-        /// The file.
-        path: PathBuf,
-        /// The column.
-        column: String,
-    },
+    /// There is no column of that name to take times from; those that there are.
+    #[error("{}: there is no column '{}' to take times from; the columns are {}", .0.display(), .1, list(.2))]
+    NoTime(PathBuf, String, Vec<String>),
+    /// This column of times is in another unit.
+    #[error("{}: the times in column '{}' are not seconds; write the unit as [s], [ms], [min] or [h], or give clock times such \
+         as 10:31:05.20", .0.display(), .1)]
+    TimeUnit(PathBuf, String),
     /// A row is earlier than the one before it, or has no time.
     #[error(
         "{}, line {line}, column '{column}': times must not fall, and every row needs one; sort the rows, or cut the record where \
@@ -148,18 +113,10 @@ pub enum LoadError {
         /// The column.
         column: String,
     },
-    /// The images have clock times, the record has none.
-    #[error(
-        "{}: the frames have clock times, and column '{column}' of the load file counts seconds; give both as clock times, or \
-         both in seconds from the same moment",
-        path.display()
-    )]
-    Clocks {
-        /// The load file.
-        path: PathBuf,
-        /// Its column of times.
-        column: String,
-    },
+    /// The images have clock times, this column of times of the record has none.
+    #[error("{}: the frames have clock times, and column '{}' of the load file counts seconds; give both as clock times, or \
+         both in seconds from the same moment", .0.display(), .1)]
+    Clocks(PathBuf, String),
     /// No frame was taken during the record.
     #[error(
         "{}: no frame lies within the record: it goes from {from} to {to} s, the frames from {first} to {last} s; check the \
@@ -178,34 +135,16 @@ pub enum LoadError {
         /// Last time of a frame, s.
         last: f64,
     },
-    /// No force to make a stress of, or too many.
-    #[error(
-        "{}: for a stress one column of force in N (or kN, ...) is needed, of several one named load or force, and none named \
-         {STRESS}; the columns are {}",
-        path.display(), list(columns)
-    )]
-    Force {
-        /// The file.
-        path: PathBuf,
-        /// Its columns.
-        columns: Vec<String>,
-    },
-    /// No column of forces, or too many to choose from.
-    #[error("{}: {}; the columns are {}", path.display(), no_force(column.as_deref()), list(columns))]
-    NoForce {
-        /// The file.
-        path: PathBuf,
-        /// The column asked for.
-        column: Option<String>,
-        /// Its columns.
-        columns: Vec<String>,
-    },
+    /// No force to make a stress of among these columns, or too many.
+    #[error("{}: for a stress one column of force in N (or kN, ...) is needed, of several one named load or force, and none named \
+         {}; the columns are {}", .0.display(), STRESS, list(.1))]
+    Force(PathBuf, Vec<String>),
+    /// No column of forces of the name asked for, or too many to choose from among these.
+    #[error("{}: {}; the columns are {}", .0.display(), no_force(.1.as_deref()), list(.2))]
+    NoForce(PathBuf, Option<String>, Vec<String>),
     /// Times of the frames that are missing, given twice, or mean nothing.
-    #[error("{what}")]
-    Times {
-        /// What is wrong, and what to do.
-        what: String,
-    },
+    #[error("{0}")]
+    Times(String),
     /// As many rows as there are neither deformed images nor images in all.
     #[error(
         "{}: {n_rows} rows for {n_frames} deformed images; give {n_frames} rows, {} with the reference first, a column `frame`, or \

@@ -20,6 +20,7 @@ pub(super) enum Wanted<'a> {
 }
 
 /// The cells of a load file under the names of their columns.
+#[derive(Default)]
 pub(super) struct RawTable {
     path: PathBuf,
     /// Names with units, without that of the frame.
@@ -42,7 +43,7 @@ impl RawTable {
         let text = text.trim_start_matches('\u{feff}');
         let path = path.to_owned();
         let first = text.lines().find(|line| !line.trim().is_empty() && !line.starts_with('#'));
-        let Some(first) = first else { return Err(LoadError::Empty { path, what: "header" }) };
+        let Some(first) = first else { return Err(LoadError::Empty(path, "header")) };
         let separator = [b';', b'\t', b','].into_iter().find(|&s| first.as_bytes().contains(&s)).unwrap_or(b',');
         let mut reader = ReaderBuilder::new()
             .delimiter(separator)
@@ -52,13 +53,13 @@ impl RawTable {
             .trim(::csv::Trim::All)
             .from_reader(text.as_bytes());
         // `text` is UTF-8 and rows may have any length: the parser has nothing left to refuse.
-        let refused = |error: ::csv::Error| LoadError::Io { path: path.clone(), reason: io::Error::other(error) };
+        let refused = |error: ::csv::Error| LoadError::Io(path.clone(), io::Error::other(error));
         // A row of nothing but separators is an empty line of a spreadsheet.
         let is_row = |record: &StringRecord| record.iter().any(|cell| !cell.is_empty());
         let all = reader.records().collect::<Result<Vec<_>, _>>().map_err(refused)?;
         let all: Vec<StringRecord> = all.into_iter().filter(is_row).collect();
         let mut records = all.iter().cloned().peekable();
-        let Some(header) = records.next() else { return Err(LoadError::Empty { path, what: "header" }) };
+        let Some(header) = records.next() else { return Err(LoadError::Empty(path, "header")) };
         // Machines end lines with a separator.
         let n_columns =
             header.iter().collect::<Vec<_>>().iter().rposition(|cell| !cell.is_empty()).map_or(0, |at| at + 1);
@@ -73,17 +74,7 @@ impl RawTable {
         let lacks = header.iter().any(lacks_unit);
         let units = records.next_if(|row| are_units(row) && (lacks || are_known(row)));
         let line = line_of(&header);
-        let mut table = Self {
-            path,
-            columns: Vec::new(),
-            given: Vec::new(),
-            factors: Vec::new(),
-            places: Vec::new(),
-            frame_at: None,
-            rows: Vec::new(),
-            decimal_comma: separator != b',',
-            remarks: Vec::new(),
-        };
+        let mut table = Self { path, decimal_comma: separator != b',', ..Self::default() };
         let is_empty_below = |at: usize| all.iter().all(|row| row.get(at).is_none_or(str::is_empty));
         let n_columns = if (n_columns..header.len()).all(is_empty_below) { n_columns } else { header.len() };
         for (at, cell) in header.iter().enumerate().take(n_columns) {
@@ -91,7 +82,7 @@ impl RawTable {
             table.name(at, cell, below, line, wanted)?;
         }
         if table.columns.is_empty() {
-            return Err(LoadError::Empty { path: table.path, what: "column of values" });
+            return Err(LoadError::Empty(table.path, "column of values"));
         }
         for record in records {
             let (found, expected) = (record.len(), n_columns);
@@ -104,12 +95,11 @@ impl RawTable {
             table.rows.push(record);
         }
         if table.rows.is_empty() {
-            return Err(LoadError::Empty { path: table.path, what: "row" });
+            return Err(LoadError::Empty(table.path, "row"));
         }
         Ok(table)
     }
 
-    /// Takes in the name of a column.
     fn name(
         &mut self,
         at: usize,
@@ -118,7 +108,7 @@ impl RawTable {
         line: u64,
         wanted: Wanted<'_>,
     ) -> Result<(), LoadError> {
-        let twice = |column: String| LoadError::ColumnName { path: self.path.clone(), line, column };
+        let twice = |column: String| LoadError::ColumnName(self.path.clone(), line, column);
         if is_frame(cell) {
             return match self.frame_at.replace(at) {
                 None => Ok(()),
@@ -149,17 +139,14 @@ impl RawTable {
         Ok(())
     }
 
-    /// The file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Number of rows.
     pub fn n_rows(&self) -> usize {
         self.rows.len()
     }
 
-    /// The line of a row.
     #[expect(clippy::indexing_slicing, reason = "rows are counted by their callers, from n_rows")]
     pub fn line(&self, row: usize) -> u64 {
         line_of(&self.rows[row])

@@ -34,21 +34,17 @@ impl FrameTimes {
     }
 }
 
-/// The file of times with the content `text`; `path` stands in messages. See
-/// [`read_frame_times`](super::read_frame_times).
-///
-/// # Errors
-/// Those of [`read_frame_times`](super::read_frame_times), but for a file that cannot be read.
+/// The file of times `text`; `path` stands in messages. See [`read_frame_times`](super::read_frame_times).
 pub fn parse_frame_times(text: &str, path: &Path, n_frames: usize) -> Result<FrameTimes, LoadError> {
     const NAMES: [&str; 3] = ["time", "timestamp", "t"];
     // Beside the times a camera may write names and settings.
     let table = match RawTable::parse(text, path, Wanted::Only(&NAMES)) {
-        Err(LoadError::Empty { what: "column of values", .. }) => RawTable::parse(text, path, Wanted::All)?,
+        Err(LoadError::Empty(_, "column of values")) => RawTable::parse(text, path, Wanted::All)?,
         table => table?,
     };
     if table.columns.len() > 1 {
         let columns = table.columns.clone();
-        return Err(LoadError::NoTime { path: path.to_owned(), column: "time".to_owned(), columns });
+        return Err(LoadError::NoTime(path.to_owned(), "time".to_owned(), columns));
     }
     let column = 0;
     let frames = table.frames(n_frames)?;
@@ -62,7 +58,6 @@ pub fn parse_frame_times(text: &str, path: &Path, n_frames: usize) -> Result<Fra
     Ok(FrameTimes { seconds: of_frames, clock })
 }
 
-/// A column of times.
 struct Times {
     seconds: Vec<Option<f64>>,
     clock: bool,
@@ -75,7 +70,7 @@ impl Times {
         let clock = cells().find(|cell| !cell.is_empty()).is_some_and(|cell| clock_time(cell).is_some());
         let name = &table.columns[column];
         if !clock && !name.ends_with("_s") {
-            return Err(LoadError::TimeUnit { path: table.path().to_owned(), column: name.clone() });
+            return Err(LoadError::TimeUnit(table.path().to_owned(), name.clone()));
         }
         let time = |row: usize| match (table.cell(row, column), clock) {
             ("", true) => Ok(None),
@@ -96,7 +91,7 @@ pub(super) fn join(table: &RawTable, time: &str, frames: &FrameTimes) -> Result<
     let path = || table.path().to_owned();
     let found = table.called(time).and_then(|column| Some((column, table.columns.get(column)?.clone())));
     let Some((column, name)) = found else {
-        return Err(LoadError::NoTime { path: path(), column: time.to_owned(), columns: table.columns.clone() });
+        return Err(LoadError::NoTime(path(), time.to_owned(), table.columns.clone()));
     };
     let times = Times::of(table, column)?;
     let mut rows: Vec<f64> = Vec::with_capacity(table.n_rows());
@@ -108,7 +103,7 @@ pub(super) fn join(table: &RawTable, time: &str, frames: &FrameTimes) -> Result<
     }
     let mut remarks = table.remarks.clone();
     match (times.clock, frames.clock) {
-        (false, true) => return Err(LoadError::Clocks { path: path(), column: name }),
+        (false, true) => return Err(LoadError::Clocks(path(), name)),
         (true, false) => {
             remarks.push(clock_times(&name, table.cell(0, column)));
             let first = rows.first().copied().unwrap_or(0.0);
@@ -117,7 +112,7 @@ pub(super) fn join(table: &RawTable, time: &str, frames: &FrameTimes) -> Result<
         _ => {}
     }
     let (Some(&from), Some(&to)) = (rows.first(), rows.last()) else {
-        return Err(LoadError::Empty { path: path(), what: "row" });
+        return Err(LoadError::Empty(path(), "row"));
     };
     let within = |time: &f64| (from..=to).contains(time);
     let known = || frames.seconds.iter().flatten();
@@ -155,8 +150,7 @@ fn at(rows: &[f64], cells: &[Option<f64>], time: f64) -> Option<f64> {
     Some(low + (high - low) * (time - from) / (to - from))
 }
 
-/// Seconds of a clock time: `10:31:05.20`, behind a day (`2024-05-07 10:31:05`, `07.05.2024 ...`, also with a T and a
-/// Z) those since 1970.
+/// Seconds of a clock time, `10:31:05.20`, behind a day (`2024-05-07 10:31:05`, `07.05.2024`, T, Z) since 1970.
 fn clock_time(cell: &str) -> Option<f64> {
     let cell = cell.trim().trim_end_matches('Z');
     let (day, clock) = match cell.split_once([' ', 'T']) {

@@ -1,6 +1,7 @@
 //! Gmsh `.msh`: version 4.1 as text and binary, version 2.2 as text.
 
 use super::{FileElement, FileNode, MeshFileFault, Parsed};
+use crate::text::line_at;
 use std::collections::HashMap;
 
 /// Whether `bytes` begin as a `.msh` file does.
@@ -8,7 +9,6 @@ pub(super) fn is_msh(bytes: &[u8]) -> bool {
     bytes.trim_ascii_start().starts_with(b"$MeshFormat")
 }
 
-/// The mesh in `bytes`.
 pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, MeshFileFault> {
     let mut file = Msh { bytes, at: 0, numbers: Numbers::Text };
     let mut content = Content::default();
@@ -55,7 +55,7 @@ struct Msh<'a> {
 impl<'a> Msh<'a> {
     fn invalid(&self, at: usize, what: impl Into<String>) -> MeshFileFault {
         let place = match self.numbers {
-            Numbers::Text => format!("line {}", 1 + self.bytes.iter().take(at).filter(|&&b| b == b'\n').count()),
+            Numbers::Text => format!("line {}", line_at(self.bytes, at)),
             Numbers::Binary { .. } => format!("byte {at}"),
         };
         MeshFileFault::Invalid { place, what: what.into() }
@@ -119,7 +119,6 @@ impl<'a> Msh<'a> {
         }
     }
 
-    /// A coordinate.
     fn double(&mut self, what: &str) -> Result<f64, MeshFileFault> {
         match self.numbers {
             Numbers::Text => self.parse(what),
@@ -348,7 +347,6 @@ impl Content {
         Ok(())
     }
 
-    /// Reads the nodes of an element.
     fn element(&mut self, file: &mut Msh<'_>, number: u64, kind: i64, group: Group) -> Result<(), MeshFileFault> {
         let n = match kind {
             2 => 3,

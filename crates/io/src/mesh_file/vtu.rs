@@ -1,6 +1,7 @@
 //! VTK unstructured grids (`.vtu`): arrays as text, in base64 or appended, uncompressed or zlib.
 
 use super::{FileElement, FileNode, MeshFileFault, Parsed};
+use crate::text::line_at;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use flate2::read::ZlibDecoder;
@@ -17,7 +18,6 @@ pub(super) fn is_vtk_xml(bytes: &[u8]) -> bool {
     bytes.trim_ascii_start().starts_with(b"<") && find(bytes.get(..4096).unwrap_or(bytes), b"<VTKFile").is_some()
 }
 
-/// The mesh in `bytes`.
 pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, MeshFileFault> {
     // What is appended may be raw bytes, which are no XML: the file is cut there.
     let (xml, behind) = split(bytes, find(bytes, b"<AppendedData").unwrap_or(bytes.len()));
@@ -113,8 +113,7 @@ struct Vtu<'a> {
 
 impl Vtu<'_> {
     fn invalid(&self, at: usize, what: impl Into<String>) -> MeshFileFault {
-        let line = 1 + self.xml.iter().take(at).filter(|&&b| b == b'\n').count();
-        MeshFileFault::Invalid { place: format!("line {line}"), what: what.into() }
+        MeshFileFault::Invalid { place: format!("line {}", line_at(self.xml, at)), what: what.into() }
     }
 
     /// Reads the XML: the encoding and the arrays that make the mesh.
@@ -230,7 +229,6 @@ impl Vtu<'_> {
         Ok(Array { at, name: text("Name")?, kind: text("type")?, components, content })
     }
 
-    /// Adds a piece of the grid to the mesh.
     fn add(&self, piece: &Piece, parsed: &mut Parsed) -> Result<(), MeshFileFault> {
         let missing = |what: &str| MeshFileFault::Truncated(format!("a piece of the grid has no {what}"));
         if piece.n_cells == 0 && piece.points.is_none() {
@@ -351,7 +349,7 @@ impl Vtu<'_> {
         array: &Array,
         value: fn([u8; N]) -> T,
     ) -> Result<Vec<T>, MeshFileFault> {
-        let decoder = Decoder { encoding: self.encoding };
+        let decoder = self.encoding;
         let wrong = |what: String| self.invalid(array.at, format!("the array '{}': {what}", array.name));
         let bytes = match &array.content {
             Stored::Text(text) => {
@@ -384,14 +382,9 @@ impl Vtu<'_> {
 }
 
 /// Unpacks an array with its head: its length in bytes, or the lengths of its compressed blocks.
-#[derive(Clone, Copy)]
-struct Decoder {
-    encoding: Encoding,
-}
-
-impl Decoder {
+impl Encoding {
     fn word(self) -> usize {
-        if self.encoding.wide { 8 } else { 4 }
+        if self.wide { 8 } else { 4 }
     }
 
     /// Number `k` of a head.
@@ -399,7 +392,7 @@ impl Decoder {
         let size = self.word();
         let word = bytes.get(k * size..(k + 1) * size).ok_or("its head is not complete")?;
         let add = |number: u64, byte: &u8| number << 8 | u64::from(*byte);
-        let number = if self.encoding.big_endian { word.iter().fold(0, add) } else { word.iter().rev().fold(0, add) };
+        let number = if self.big_endian { word.iter().fold(0, add) } else { word.iter().rev().fold(0, add) };
         usize::try_from(number).map_err(|_| "it is too long".to_owned())
     }
 
@@ -410,7 +403,7 @@ impl Decoder {
     }
 
     fn raw(self, bytes: &[u8]) -> Result<Vec<u8>, String> {
-        if !self.encoding.zlib {
+        if !self.zlib {
             let n = self.head(bytes, 0)?;
             let (_, data) = split(bytes, self.word());
             return Ok(data.get(..n).ok_or(format!("it should have {n} bytes, more than there are"))?.to_vec());
@@ -429,7 +422,7 @@ impl Decoder {
             BASE64.decode(text).map_err(|error| error.to_string())
         };
         let word = letters(self.word());
-        if !self.encoding.zlib {
+        if !self.zlib {
             let (first, rest) = text.split_at_checked(word).ok_or("it is not complete")?;
             let apart = first.ends_with(b"=");
             let n = self.head(&decode(Some(first))?, 0)?;

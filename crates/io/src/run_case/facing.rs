@@ -11,11 +11,10 @@ use crate::case::{CaseElements, CaseFile, CaseGuard, CaseZone};
 use crate::field::Facing;
 use crate::mesh::{Mesh, ZoneElements};
 use crate::mesh_file::read_mesh;
+use crate::plane::{Point, cross, dot, minus, unit};
 use crate::units::Px;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
-
-type Point = [f64; 2];
 
 /// Largest less smallest thickness of an adhesive, by the mean, for faces that count as parallel.
 const EVEN: f64 = 0.1;
@@ -33,8 +32,7 @@ pub(super) struct Faces {
     pub normal: Point,
 }
 
-/// Checks that the zones called `names` face each other, makes their elements begin at the facing edges, and leaves
-/// `guard` px out along these.
+/// Checks that `names` face each other, begins their elements at the facing edges, and leaves `guard` px out there.
 pub(super) fn face_each_other(
     case: &mut CaseFile,
     names: &[String; 2],
@@ -72,8 +70,7 @@ pub(super) fn face_each_other(
     Ok(faces)
 }
 
-/// Makes one zone of each group of a mesh file, under the name that a correlation gives it; their elements, where they
-/// have such.
+/// Makes one zone of each group of a mesh file, named as by a correlation, with their elements, if any.
 fn expand_groups(zones: &mut Vec<CaseZone>, base: &Path) -> Result<Vec<Option<ZoneElements>>, String> {
     let mut meshes = Vec::new();
     let mut all = Vec::new();
@@ -514,14 +511,12 @@ impl Between {
         (common[0] < common[1] && gaps[0] + gaps[1] > 0.0).then_some(Self { sides, normal, tangent, common, gaps })
     }
 
-    /// Mean distance.
     fn mean(&self) -> f64 {
         0.5 * (self.gaps[0] + self.gaps[1])
     }
 }
 
-/// The quadrilateral, whose first side is the face, as far as the face lies within `common` along the tangent: cut at
-/// the same shares of that side and of the one behind.
+/// The quadrilateral, first side the face, as far as the face lies in `common` along the tangent; both sides cut alike.
 fn cut(around: [Point; 4], tangent: Point, common: [f64; 2]) -> [Point; 4] {
     let [a, b, c, d] = around;
     let [from, to] = [a, b].map(|end| dot(end, tangent));
@@ -558,24 +553,6 @@ fn on([a, b]: [Point; 2], tangent: Point, s: f64) -> Point {
     [0, 1].map(|k| (1.0 - t) * a[k] + t * b[k])
 }
 
-fn minus([ax, ay]: Point, [bx, by]: Point) -> Point {
-    [ax - bx, ay - by]
-}
-
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1]
-}
-
-fn cross(a: Point, b: Point) -> f64 {
-    a[0] * b[1] - a[1] * b[0]
-}
-
-/// The unit vector; zero for zero.
-fn unit(a: Point) -> Point {
-    let length = a[0].hypot(a[1]);
-    if length > 0.0 { a.map(|v| v / length) } else { [0.0; 2] }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -598,8 +575,7 @@ mod tests {
         words.iter().for_each(|word| assert!(message.contains(word), "'{word}' in: {message}"));
     }
 
-    /// Two strips of 96 by 40 px, 30 px apart, turned by `degrees` (x towards y) about (200, 200): that below, that
-    /// above.
+    /// Two strips of 96 by 40 px, 30 px apart, turned by `degrees` (x towards y) about (200, 200): below, above.
     fn turned(degrees: f64) -> [[Point; 4]; 2] {
         let (sin, cos) = degrees.to_radians().sin_cos();
         [[15.0, 55.0], [-55.0, -15.0]].map(|[top, bottom]| {
@@ -665,8 +641,7 @@ mod tests {
         assert_eq!(a.polygon.as_deref().unwrap(), [[20.0, 100.0], [110.0, 100.0], [110.0, 140.0], [20.0, 140.0]]);
         assert_eq!(a.guard_px, Some(CaseGuard::Sides(vec![1.0, 2.0, 3.0, 4.0])));
         let [c, d, e, f] = b.polygon.as_deref().unwrap() else { panic!() };
-        // From (140, 80) to (20, 80), cut at 110, a quarter of that side: a quarter of the side behind it, from 130 to
-        // 30.
+        // From (140, 80) to (20, 80), cut at 110, a quarter of that side: a quarter of that behind, from 130 to 30.
         for (found, wanted) in [(c, [110.0, 80.0]), (d, [20.0, 80.0]), (e, [30.0, 40.0]), (f, [105.0, 40.0])] {
             assert!(minus(*found, wanted).iter().all(|v| v.abs() < 1e-9), "{found:?} {wanted:?}");
         }

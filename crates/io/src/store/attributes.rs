@@ -156,12 +156,8 @@ impl Attributes {
     /// The header, with the mesh that the arrays gave.
     pub fn header(&self, mesh: Arc<Mesh<Px>>, path: &Path) -> Result<StoreHeader, StoreError> {
         let damaged = |reason: String| StoreError::Metadata { file: path.join("zarr.json"), reason };
-        let pixel_size = match self.pixel_size_mm {
-            Some(mm) => {
-                Some(PixelSize::new(mm).ok_or_else(|| damaged(format!("pixel_size_mm is {mm}, not above zero")))?)
-            }
-            None => None,
-        };
+        let positive = |mm| PixelSize::new(mm).ok_or_else(|| damaged(format!("pixel_size_mm is {mm}, not above zero")));
+        let pixel_size = self.pixel_size_mm.map(positive).transpose()?;
         for (name, value) in [("range_grey", self.range_grey), ("element_size_px", self.element_size_px)] {
             if !(value.is_finite() && value > 0.0) {
                 return Err(damaged(format!("{name} is {value}, not above zero")));

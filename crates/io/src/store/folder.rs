@@ -39,6 +39,11 @@ impl Folder {
         &self.path
     }
 
+    /// Whether the array `name` stands in it.
+    pub fn has(&self, name: &str) -> bool {
+        has_array(&self.path, name)
+    }
+
     /// The file of `key`.
     pub fn file(&self, key: &StoreKey) -> PathBuf {
         self.path.join(key.as_str())
@@ -67,17 +72,27 @@ impl Folder {
     }
 }
 
+/// Whether the array `name` stands in the store `path`.
+pub(super) fn has_array(path: &Path, name: &str) -> bool {
+    path.join(name).join("zarr.json").is_file()
+}
+
 fn storage_error(error: io::Error) -> StorageError {
     StorageError::IOError(Arc::new(error))
 }
 
+/// What the file system gives, or nothing where there is no such file.
+fn if_there<T>(found: io::Result<T>) -> Result<Option<T>, StorageError> {
+    match found {
+        Ok(found) => Ok(Some(found)),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(storage_error(error)),
+    }
+}
+
 impl ReadableStorageTraits for Folder {
     fn get(&self, key: &StoreKey) -> Result<MaybeBytes, StorageError> {
-        match fs::read(self.file(key)) {
-            Ok(bytes) => Ok(Some(bytes.into())),
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(storage_error(error)),
-        }
+        Ok(if_there(fs::read(self.file(key)))?.map(Bytes::from))
     }
 
     fn get_partial_many<'a>(
@@ -96,11 +111,7 @@ impl ReadableStorageTraits for Folder {
     }
 
     fn size_key(&self, key: &StoreKey) -> Result<Option<u64>, StorageError> {
-        match fs::metadata(self.file(key)) {
-            Ok(about) => Ok(Some(about.len())),
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(storage_error(error)),
-        }
+        Ok(if_there(fs::metadata(self.file(key)))?.map(|about| about.len()))
     }
 
     fn supports_get_partial(&self) -> bool {
@@ -124,17 +135,11 @@ impl WritableStorageTraits for Folder {
     }
 
     fn erase(&self, key: &StoreKey) -> Result<(), StorageError> {
-        match fs::remove_file(self.file(key)) {
-            Err(error) if error.kind() != ErrorKind::NotFound => Err(storage_error(error)),
-            _ => Ok(()),
-        }
+        if_there(fs::remove_file(self.file(key))).map(drop)
     }
 
     fn erase_prefix(&self, prefix: &StorePrefix) -> Result<(), StorageError> {
-        match fs::remove_dir_all(self.path.join(prefix.as_str())) {
-            Err(error) if error.kind() != ErrorKind::NotFound => Err(storage_error(error)),
-            _ => Ok(()),
-        }
+        if_there(fs::remove_dir_all(self.path.join(prefix.as_str()))).map(drop)
     }
 
     fn supports_set_partial(&self) -> bool {

@@ -1,7 +1,7 @@
 //! What stands where in a store: the table that writer and reader share.
 
 use super::StoreError;
-use super::folder::Folder;
+use super::folder::{Folder, has_array};
 use crate::arrays::Number;
 use serde_json::json;
 use std::path::Path;
@@ -12,13 +12,9 @@ use zarrs::metadata::ChunkKeySeparator;
 
 /// Version of the layout; raised when a reader of the old one would go wrong.
 pub(super) const VERSION: u64 = 1;
-/// Name of the array of the normal matrices.
 pub(super) const NORMAL_MATRICES: &str = "normal_matrix";
-/// Name of the array of the frames that others were measured from.
 pub(super) const REFERENCE_FRAME: &str = "reference_frame";
-/// Name of the array of what the noise of the reference adds to the normal matrices.
 pub(super) const GRADIENT_NOISE: &str = "gradient_noise";
-/// Name of the array of the noise of the frames.
 pub(super) const NOISE: &str = "noise_grey";
 /// Status of a frame that is not done: the fill value of the array.
 pub(super) const NOT_DONE: u8 = 255;
@@ -89,6 +85,9 @@ impl Place {
     }
 }
 
+/// Name, unit, place, components and kind of the numbers of a [`Variable`].
+type Row = (&'static str, &'static str, Place, &'static [&'static str], Number);
+
 impl Variable {
     /// All, in the order in which they are written.
     pub const ALL: [Variable; 14] = [
@@ -108,44 +107,53 @@ impl Variable {
         Variable::IsPointValue,
     ];
 
+    fn row(self) -> Row {
+        use Number::{F32, F64, U8};
+        use Place::{Elements, Nodes};
+        const ONE: &[&str] = &[];
+        const PAIR: &[&str] = &["x", "y"];
+        const STRAIN: &[&str] = &["exx", "eyy", "exy"];
+        match self {
+            Variable::Displacement => ("displacement_px", "px", Nodes, PAIR, F64),
+            Variable::Sigma => ("sigma_px", "px", Nodes, PAIR, F32),
+            Variable::Measured => ("measured", "1", Nodes, ONE, U8),
+            Variable::StrainElement => ("strain_element", "1", Elements, STRAIN, F32),
+            Variable::StrainNode => ("strain_node", "1", Nodes, STRAIN, F32),
+            Variable::StrainWindow => ("strain_window", "1", Nodes, STRAIN, F32),
+            Variable::SigmaStrainWindow => ("sigma_strain_window", "1", Nodes, STRAIN, F32),
+            Variable::Residual => ("residual_grey", "grey levels", Elements, ONE, F32),
+            Variable::ModelError => ("model_error_px", "px", Nodes, PAIR, F32),
+            Variable::Misfit => ("misfit_px", "px", Elements, ONE, F32),
+            Variable::Mark => ("mark", "1", Elements, ONE, U8),
+            Variable::DisplacementPoint => ("displacement_point_px", "px", Nodes, PAIR, F64),
+            Variable::SigmaPoint => ("sigma_point_px", "px", Nodes, PAIR, F32),
+            Variable::IsPointValue => ("is_point_value", "1", Nodes, ONE, U8),
+        }
+    }
+
     /// Name of the array in the store and in exported files.
     pub fn name(self) -> &'static str {
-        match self {
-            Variable::Displacement => "displacement_px",
-            Variable::Sigma => "sigma_px",
-            Variable::Measured => "measured",
-            Variable::StrainElement => "strain_element",
-            Variable::StrainNode => "strain_node",
-            Variable::StrainWindow => "strain_window",
-            Variable::SigmaStrainWindow => "sigma_strain_window",
-            Variable::Residual => "residual_grey",
-            Variable::ModelError => "model_error_px",
-            Variable::Misfit => "misfit_px",
-            Variable::Mark => "mark",
-            Variable::DisplacementPoint => "displacement_point_px",
-            Variable::SigmaPoint => "sigma_point_px",
-            Variable::IsPointValue => "is_point_value",
-        }
+        self.row().0
     }
 
     /// Unit of the values; `1` for numbers without dimension.
     pub fn unit(self) -> &'static str {
-        match self {
-            Variable::Displacement
-            | Variable::Sigma
-            | Variable::ModelError
-            | Variable::Misfit
-            | Variable::DisplacementPoint
-            | Variable::SigmaPoint => "px",
-            Variable::Measured
-            | Variable::StrainElement
-            | Variable::StrainNode
-            | Variable::StrainWindow
-            | Variable::SigmaStrainWindow
-            | Variable::Mark
-            | Variable::IsPointValue => "1",
-            Variable::Residual => "grey levels",
-        }
+        self.row().1
+    }
+
+    /// Nodes or elements.
+    pub fn place(self) -> Place {
+        self.row().2
+    }
+
+    /// Names along the last axis; none when there is one value per node or element.
+    pub fn components(self) -> &'static [&'static str] {
+        self.row().3
+    }
+
+    /// Kind of the numbers.
+    pub fn number(self) -> Number {
+        self.row().4
     }
 
     /// What the values mean.
@@ -196,45 +204,11 @@ impl Variable {
         }
     }
 
-    /// Nodes or elements.
-    pub fn place(self) -> Place {
-        match self {
-            Variable::Displacement
-            | Variable::Sigma
-            | Variable::Measured
-            | Variable::StrainNode
-            | Variable::StrainWindow
-            | Variable::SigmaStrainWindow
-            | Variable::ModelError
-            | Variable::DisplacementPoint
-            | Variable::SigmaPoint
-            | Variable::IsPointValue => Place::Nodes,
-            Variable::StrainElement | Variable::Residual | Variable::Misfit | Variable::Mark => Place::Elements,
-        }
-    }
-
-    /// Names along the last axis; none when there is one value per node or element.
-    pub fn components(self) -> &'static [&'static str] {
-        match self {
-            Variable::Displacement
-            | Variable::Sigma
-            | Variable::ModelError
-            | Variable::DisplacementPoint
-            | Variable::SigmaPoint => &["x", "y"],
-            Variable::StrainElement | Variable::StrainNode | Variable::StrainWindow | Variable::SigmaStrainWindow => {
-                &["exx", "eyy", "exy"]
-            }
-            Variable::Measured | Variable::Residual | Variable::Misfit | Variable::Mark | Variable::IsPointValue => &[],
-        }
-    }
-
     /// Values per node or element.
     pub fn n_components(self) -> usize {
         self.components().len().max(1)
     }
-}
 
-impl Variable {
     /// Whether every store has it: those of earlier versions do not have all.
     pub fn is_in_every_store(self) -> bool {
         let is_later = matches!(self, Variable::ModelError | Variable::Misfit | Variable::Mark);
@@ -253,16 +227,7 @@ impl Variable {
 
     /// Whether it stands in the store in `folder`.
     pub(super) fn is_in(self, folder: &Path) -> bool {
-        self.is_in_every_store() || folder.join(self.name()).join("zarr.json").is_file()
-    }
-
-    /// Kind of the numbers.
-    pub fn number(self) -> Number {
-        match self {
-            Variable::Displacement | Variable::DisplacementPoint => Number::F64,
-            Variable::Measured | Variable::Mark | Variable::IsPointValue => Number::U8,
-            _ => Number::F32,
-        }
+        self.is_in_every_store() || has_array(folder, self.name())
     }
 }
 
@@ -414,6 +379,15 @@ impl Form {
         }
     }
 
+    /// The arrays of the variables that the store has, in the order of [`Variable::ALL`].
+    pub fn open_variables(
+        folder: &Arc<Folder>,
+        [n_frames, n_nodes, n_elements]: [usize; 3],
+    ) -> Result<Vec<(Variable, Array<Folder>)>, StoreError> {
+        let open = |v| Ok((v, Self::variable(v, n_frames, n_nodes, n_elements).open(folder)?));
+        Variable::ALL.into_iter().filter(|v| v.is_in(folder.path())).map(open).collect()
+    }
+
     fn data_type(&self) -> DataType {
         match self.number {
             Number::F64 => data_type::float64(),
@@ -457,8 +431,7 @@ impl Form {
         ArrayBuilder::new(self.shape.clone(), self.chunk.clone(), self.data_type(), fill)
     }
 
-    /// The array as it is in `folder`, when it is what the layout says. By frame it may be longer: a series that grows
-    /// has room ahead.
+    /// The array in `folder`, when it is what the layout says; by frame it may be longer, as a growing series has room.
     pub fn open(&self, folder: &Arc<Folder>) -> Result<Array<Folder>, StoreError> {
         let file = folder.path().join(self.name).join("zarr.json");
         let damaged = |reason: String| StoreError::Metadata { file: file.clone(), reason };
@@ -484,8 +457,7 @@ impl Form {
     }
 }
 
-/// Chunks are written even when they hold fill values only: what is missing is damaged. And one thread
-/// is enough for one chunk.
+/// Chunks of fill values are written as well: what is missing is damaged. One thread is enough for one chunk.
 pub(super) fn codec_options() -> CodecOptions {
     CodecOptions::default().with_store_empty_chunks(true).with_concurrent_target(1)
 }

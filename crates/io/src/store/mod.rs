@@ -67,8 +67,7 @@ impl StoreHeader {
         named.and_then(|name| name.parse().ok()).unwrap_or_default()
     }
 
-    /// What a reader of the numbers must know, a line each: version, device, frame of reference, units, how
-    /// standard uncertainties and strains are made.
+    /// What a reader must know, a line each: version, device, reference frame, units, uncertainties and strains.
     pub fn about(&self) -> Vec<String> {
         let mut lines = vec![
             format!("quadrille {}, {}", self.quadrille, self.device),

@@ -22,8 +22,7 @@ use zarrs::array::{Array, FromArrayBytes};
 
 /// The results of a run, frame by frame.
 ///
-/// Opening reads mesh and header; a frame is read when it is asked for, so that a store of any length opens
-/// as fast as a short one.
+/// Opening reads mesh and header, and no frame: a store of any length opens as fast as a short one.
 #[derive(Debug)]
 pub struct Store {
     folder: Arc<Folder>,
@@ -39,8 +38,7 @@ pub struct Store {
 pub struct StoredFrame {
     /// Its number in the series, from 1.
     pub number: usize,
-    /// The field. Standard uncertainties, model errors and residuals have the precision of `f32`, which they are
-    /// stored with.
+    /// The field; standard uncertainties, model errors and residuals in the precision of `f32` they are stored with.
     pub measurement: Measurement<Px>,
     /// File of the deformed image.
     pub file: String,
@@ -64,11 +62,8 @@ impl Store {
         let folder = Arc::new(Folder::new(&path));
         let mesh = Arc::new(mesh(&folder, &attributes)?);
         let header = attributes.header(mesh, &path)?;
-        let (n_nodes, n_elements) = (attributes.n_nodes, attributes.n_elements);
         let n_frames = header.frames.len();
-        let variable = |v| Ok((v, Form::variable(v, n_frames, n_nodes, n_elements).open(&folder)?));
-        let there = Variable::ALL.into_iter().filter(|v| v.is_in(&path));
-        let variables = there.map(variable).collect::<Result<_, StoreError>>()?;
+        let variables = Form::open_variables(&folder, [n_frames, attributes.n_nodes, attributes.n_elements])?;
         let status = Form::status(n_frames).open(&folder)?;
         Ok(Self { folder, header, frames_sha256: attributes.frames_sha256, status, variables })
     }
@@ -98,20 +93,19 @@ impl Store {
     /// # Errors
     /// A chunk that is damaged or not there.
     pub fn normal_matrices(&self) -> Result<Option<Vec<ElementMatrix>>, StoreError> {
-        if !self.folder.path().join(NORMAL_MATRICES).join("zarr.json").is_file() {
+        if !self.folder.has(NORMAL_MATRICES) {
             return Ok(None);
         }
         let (_, values) = constant::<f64>(&self.folder, &Form::normal_matrices(self.mesh().n_elements()))?;
         Ok(Some(values.as_chunks::<36>().0.to_vec()))
     }
 
-    /// What noise in the reference adds to the normal matrix of each element, `G n / k`; `None` in stores of earlier
-    /// versions.
+    /// What noise in the reference adds to the normal matrix of each element, `G n / k`; `None` in earlier stores.
     ///
     /// # Errors
     /// A chunk that is damaged or not there.
     pub fn gradient_noise(&self) -> Result<Option<Vec<f64>>, StoreError> {
-        if !self.folder.path().join(GRADIENT_NOISE).join("zarr.json").is_file() {
+        if !self.folder.has(GRADIENT_NOISE) {
             return Ok(None);
         }
         Ok(Some(constant::<f64>(&self.folder, &Form::gradient_noise(self.mesh().n_elements()))?.1))
@@ -123,8 +117,7 @@ impl Store {
     /// # Errors
     /// As [`Store::frame`].
     pub fn noise(&self, number: usize) -> Result<Option<[f64; 2]>, StoreError> {
-        let has_field = self.status(number)?.is_some_and(Status::has_field);
-        if !has_field || !self.path().join(NOISE).join("zarr.json").is_file() {
+        if !self.has_field(number)? || !self.folder.has(NOISE) {
             return Ok(None);
         }
         let array = Form::noise(self.n_frames()).open(&self.folder)?;
@@ -135,8 +128,7 @@ impl Store {
         })
     }
 
-    /// SHA-256 of the image of frame `number` (from 1): `None` when the image could not be read or the run did
-    /// not come to its end.
+    /// SHA-256 of the image of frame `number` (from 1); `None` when it was not read or the run did not end.
     pub fn frame_sha256(&self, number: usize) -> Option<&str> {
         self.frames_sha256.get(number.checked_sub(1)?)?.as_deref()
     }
@@ -158,14 +150,17 @@ impl Store {
         }
     }
 
+    fn has_field(&self, number: usize) -> Result<bool, StoreError> {
+        Ok(self.status(number)?.is_some_and(Status::has_field))
+    }
+
     /// Number of the frame that frame `number` (from 1) was measured from, 0 for the reference given; `None` in the
     /// store of a run whose reference is never renewed, and for a frame without a field.
     ///
     /// # Errors
     /// As [`Store::frame`].
     pub fn reference_frame(&self, number: usize) -> Result<Option<usize>, StoreError> {
-        let has_field = self.status(number)?.is_some_and(Status::has_field);
-        if !has_field || !self.path().join(REFERENCE_FRAME).join("zarr.json").is_file() {
+        if !self.has_field(number)? || !self.folder.has(REFERENCE_FRAME) {
             return Ok(None);
         }
         let array = Form::reference_frame(self.n_frames()).open(&self.folder)?;
@@ -212,29 +207,13 @@ impl Store {
     pub fn frame(&self, number: usize) -> Result<Option<StoredFrame>, StoreError> {
         let Some(status) = self.status(number)?.filter(|status| status.has_field()) else { return Ok(None) };
         let mesh = self.mesh().clone();
-        let marks: Vec<u8> = self.variable(number, Variable::Measured)?;
+        let codes: Vec<u8> = self.variable(number, Variable::Measured)?;
         let mut displacement = pairs(&self.variable::<f64>(number, Variable::Displacement)?);
         let mut sigma = pairs(&doubles(&self.variable(number, Variable::Sigma)?));
         let element_residual = doubles(&self.variable(number, Variable::Residual)?);
-        let mut measured = Vec::with_capacity(marks.len());
-        let values = displacement.iter_mut().zip(&mut sigma);
-        for (node, (mark, (displacement, sigma))) in marks.into_iter().zip(values).enumerate() {
-            let finite = displacement.iter().chain(sigma.iter()).all(|v| v.is_finite());
-            match mark {
-                1 if finite => measured.push(true),
-                0 => {
-                    measured.push(false);
-                    (*displacement, *sigma) = ([0.0; 2], [0.0; 2]);
-                }
-                1 => {
-                    let reason = format!("node {node} is measured and has no finite number");
-                    return Err(self.damaged_variable(number, Variable::Displacement, reason));
-                }
-                mark => {
-                    let reason = format!("the mark of node {node} is {mark}, not 0 or 1");
-                    return Err(self.damaged_variable(number, Variable::Measured, reason));
-                }
-            }
+        let measured = self.flags(number, Variable::Measured, codes)?;
+        for pairs in [&mut displacement, &mut sigma] {
+            self.keep_measured(number, Variable::Displacement, "number", &measured, pairs)?;
         }
         if let Some(element) = element_residual.iter().position(|residual| !residual.is_finite()) {
             let reason = format!("the residual of element {element} is not a finite number");
@@ -287,20 +266,11 @@ impl Store {
         }
         let mut displacement = pairs(&self.variable::<f64>(number, Variable::DisplacementPoint)?);
         let mut sigma = pairs(&doubles(&self.variable(number, Variable::SigmaPoint)?));
-        let values = displacement.iter_mut().zip(&mut sigma).zip(codes.iter().zip(measured)).enumerate();
-        for (node, ((displacement, sigma), (&code, &measured))) in values {
-            if code > 1 {
-                let reason = format!("the mark of node {node} is {code}, not 0 or 1");
-                return Err(self.damaged_variable(number, Variable::IsPointValue, reason));
-            }
-            if !measured {
-                (*displacement, *sigma) = ([0.0; 2], [0.0; 2]);
-            } else if !displacement.iter().chain(sigma.iter()).all(|v| v.is_finite()) {
-                let reason = format!("node {node} is measured and has no finite value at its point");
-                return Err(self.damaged_variable(number, Variable::DisplacementPoint, reason));
-            }
+        let flags = self.flags(number, Variable::IsPointValue, codes)?;
+        for pairs in [&mut displacement, &mut sigma] {
+            self.keep_measured(number, Variable::DisplacementPoint, "value at its point", measured, pairs)?;
         }
-        let is_value = codes.into_iter().zip(measured).map(|(code, &measured)| code == 1 && measured).collect();
+        let is_value = flags.into_iter().zip(measured).map(|(flag, &measured)| flag && measured).collect();
         Ok(Some(PointField { displacement, sigma, is_value }))
     }
 
@@ -320,8 +290,7 @@ impl Store {
         codes.iter().enumerate().map(mark).collect::<Result<_, _>>().map(Some)
     }
 
-    /// What the field of a frame may be off beyond noise; none in a store of an earlier version, or where it was not
-    /// known.
+    /// What the field of a frame may be off beyond noise; none in a store of an earlier version, or if not known.
     fn model_error(&self, number: usize, measured: &[bool]) -> Result<Option<ModelError>, StoreError> {
         if ![Variable::ModelError, Variable::Misfit].into_iter().all(|variable| self.has(variable)) {
             return Ok(None);
@@ -336,14 +305,7 @@ impl Store {
             let reason = format!("the misfit of element {element} is not a finite number");
             return Err(self.damaged_variable(number, Variable::Misfit, reason));
         }
-        for (node, (error, &measured)) in nodes.iter_mut().zip(measured).enumerate() {
-            if !measured {
-                *error = [0.0; 2];
-            } else if !error.iter().all(|v| v.is_finite()) {
-                let reason = format!("node {node} is measured and has no finite model error");
-                return Err(self.damaged_variable(number, Variable::ModelError, reason));
-            }
-        }
+        self.keep_measured(number, Variable::ModelError, "model error", measured, &mut nodes)?;
         Ok(Some(ModelError { nodes, misfit }))
     }
 
@@ -357,7 +319,7 @@ impl Store {
     /// # Errors
     /// As [`Store::frame`].
     pub fn strain(&self, number: usize) -> Result<Option<StrainField>, StoreError> {
-        if self.status(number)?.is_none_or(|status| !status.has_field()) {
+        if !self.has_field(number)? {
             return Ok(None);
         }
         let strains = |variable| -> Result<Vec<Option<TensorStrain>>, StoreError> {
@@ -390,7 +352,7 @@ impl Store {
     /// # Errors
     /// As [`Store::frame`].
     pub fn values(&self, number: usize, variable: Variable) -> Result<Option<Values>, StoreError> {
-        if self.status(number)?.is_none_or(|status| !status.has_field()) || !self.has(variable) {
+        if !self.has_field(number)? || !self.has(variable) {
             return Ok(None);
         }
         Ok(Some(match variable.number() {
@@ -429,6 +391,38 @@ impl Store {
             return Err(self.damaged_variable(number, variable, format!("{} numbers, not {wanted}", values.len())));
         }
         Ok(values)
+    }
+
+    /// Marks of nodes, which are 0 or 1.
+    fn flags(&self, number: usize, variable: Variable, codes: Vec<u8>) -> Result<Vec<bool>, StoreError> {
+        let flag = |(node, code)| match code {
+            0 | 1 => Ok(code == 1),
+            _ => {
+                let reason = format!("the mark of node {node} is {code}, not 0 or 1");
+                Err(self.damaged_variable(number, variable, reason))
+            }
+        };
+        codes.into_iter().enumerate().map(flag).collect()
+    }
+
+    /// Sets the pairs of nodes that are not measured to zero; all others must be finite.
+    fn keep_measured(
+        &self,
+        number: usize,
+        variable: Variable,
+        what: &str,
+        measured: &[bool],
+        pairs: &mut [[f64; 2]],
+    ) -> Result<(), StoreError> {
+        for (node, (pair, &measured)) in pairs.iter_mut().zip(measured).enumerate() {
+            if !measured {
+                *pair = [0.0; 2];
+            } else if !pair.iter().all(|v| v.is_finite()) {
+                let reason = format!("node {node} is measured and has no finite {what}");
+                return Err(self.damaged_variable(number, variable, reason));
+            }
+        }
+        Ok(())
     }
 
     fn report_damage(&self, array: &Array<Folder>, at: &[u64], number: usize, reason: String) -> StoreError {

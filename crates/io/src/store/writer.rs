@@ -119,10 +119,8 @@ impl StoreWriter {
         let attributes = Attributes::parse(&text, path)?;
         let mesh = Store::open(path)?.mesh().clone();
         let folder = Arc::new(Folder::new(path));
-        let (n_frames, n_nodes, n_elements) = (attributes.frames.len(), mesh.n_nodes(), mesh.n_elements());
-        let variable = |v| Ok((v, Form::variable(v, n_frames, n_nodes, n_elements).open(&folder)?));
-        let there = Variable::ALL.into_iter().filter(|v| v.is_in(path));
-        let variables = there.map(variable).collect::<Result<_, StoreError>>()?;
+        let n_frames = attributes.frames.len();
+        let variables = Form::open_variables(&folder, [n_frames, mesh.n_nodes(), mesh.n_elements()])?;
         let status = Form::status(n_frames).open(&folder)?;
         let room = status.shape().first().map_or(0, |&room| room as usize);
         Ok(Self { folder, series: Mutex::new(ByFrame { attributes, room }), mesh, status, variables })
@@ -182,21 +180,10 @@ impl StoreWriter {
         write_group(&folder, &attributes)?;
         let mesh = header.mesh.clone();
         let (n_nodes, n_elements) = (mesh.n_nodes(), mesh.n_elements());
-        let constant = |form: Form, origin: &[u64], values: &dyn Fn(&Array<Folder>) -> Result<(), ArrayError>| {
-            let array = form.create(&folder)?;
-            values(&array).map_err(|error| write_error(&folder, &array, origin, error))
-        };
-        let options = codec_options();
-        constant(Form::node_position(n_nodes), &[0, 0], &|array| {
-            array.store_chunk_opt(&[0, 0], mesh.nodes().as_flattened(), &options)
-        })?;
-        constant(Form::element_nodes(n_elements), &[0, 0], &|array| {
-            array.store_chunk_opt(&[0, 0], mesh.elements().as_flattened(), &options)
-        })?;
-        constant(Form::node_zone(n_nodes), &[0], &|array| array.store_chunk_opt(&[0], mesh.node_zone(), &options))?;
-        constant(Form::element_zone(n_elements), &[0], &|array| {
-            array.store_chunk_opt(&[0], mesh.element_zone(), &options)
-        })?;
+        write_constant(&folder, &Form::node_position(n_nodes), mesh.nodes().as_flattened())?;
+        write_constant(&folder, &Form::element_nodes(n_elements), mesh.elements().as_flattened())?;
+        write_constant(&folder, &Form::node_zone(n_nodes), mesh.node_zone())?;
+        write_constant(&folder, &Form::element_zone(n_elements), mesh.element_zone())?;
         create_frames(&folder, header.frames.len(), &mesh, header.strain_window.is_some())
     }
 
@@ -227,8 +214,7 @@ impl StoreWriter {
         self.write_encoded(self.encode_field(number, measurement, strain)?)
     }
 
-    /// What [`write_field`](Self::write_field) computes, without a file: an error of the file system cannot be among
-    /// its errors.
+    /// What [`write_field`](Self::write_field) computes, without a file: no error of the file system.
     pub fn encode_field(
         &self,
         number: usize,
@@ -259,10 +245,7 @@ impl StoreWriter {
     /// A number that the series does not have, residuals of another mesh, and what the file system refuses.
     pub fn write_residual(&self, number: usize, measurement: &Measurement<Px>) -> Result<(), StoreError> {
         self.check_number(number)?;
-        let (found, wanted) = (measurement.element_residual.len(), self.mesh.n_elements());
-        if found != wanted {
-            return Err(StoreError::WrongSize { number, what: "residuals", found, wanted });
-        }
+        self.check_elements(number, "residuals", measurement.element_residual.len())?;
         let nothing = StrainField {
             definition: StrainDefinition::Infinitesimal,
             elements: Vec::new(),
@@ -290,7 +273,7 @@ impl StoreWriter {
     /// A number that the series does not have, and what the file system refuses.
     pub fn mark(&self, number: usize, status: Status) -> Result<(), StoreError> {
         self.check_number(number)?;
-        self.chunk(&self.status, &[number as u64 - 1], &[status.code()][..])
+        write_chunk(&self.folder, &self.status, &[number as u64 - 1], &[status.code()][..])
     }
 
     /// Adds the normal matrices of the elements of the correlation, which give the covariance of every field.
@@ -298,26 +281,17 @@ impl StoreWriter {
     /// # Errors
     /// Another number than of elements, and what the file system refuses.
     pub fn write_normal_matrices(&self, matrices: &[ElementMatrix]) -> Result<(), StoreError> {
-        let (found, wanted) = (matrices.len(), self.mesh.n_elements());
-        if found != wanted {
-            return Err(StoreError::WrongSize { number: 0, what: "elements", found, wanted });
-        }
-        let array = Form::normal_matrices(wanted).create(&self.folder)?;
-        self.chunk(&array, &[0, 0], matrices.as_flattened())
+        self.check_elements(0, "elements", matrices.len())?;
+        write_constant(&self.folder, &Form::normal_matrices(matrices.len()), matrices.as_flattened())
     }
 
-    /// Adds what noise in the reference adds to the normal matrix of each element: `G n / k` (see the array's
-    /// description).
+    /// Adds what noise in the reference adds to the normal matrix of each element: `G n / k`.
     ///
     /// # Errors
     /// Another number than of elements, and what the file system refuses.
     pub fn write_gradient_noise(&self, of_elements: &[f64]) -> Result<(), StoreError> {
-        let (found, wanted) = (of_elements.len(), self.mesh.n_elements());
-        if found != wanted {
-            return Err(StoreError::WrongSize { number: 0, what: "elements", found, wanted });
-        }
-        let array = Form::gradient_noise(wanted).create(&self.folder)?;
-        self.chunk(&array, &[0], of_elements)
+        self.check_elements(0, "elements", of_elements.len())?;
+        write_constant(&self.folder, &Form::gradient_noise(of_elements.len()), of_elements)
     }
 
     /// Notes the noise of one image in frame `number` (from 1), grey levels: the one used, and that of the residual.
@@ -327,11 +301,11 @@ impl StoreWriter {
     /// A number that the series does not have, and what the file system refuses.
     pub fn write_noise(&self, number: usize, [used, residual]: [f64; 2]) -> Result<(), StoreError> {
         self.check_number(number)?;
-        if !self.path().join(NOISE).join("zarr.json").is_file() {
+        if !self.folder.has(NOISE) {
             return Ok(());
         }
         let array = Form::noise(self.series().room).open(&self.folder)?;
-        self.chunk(&array, &[number as u64 - 1, 0], &[used as f32, residual as f32][..])
+        write_chunk(&self.folder, &array, &[number as u64 - 1, 0], &[used as f32, residual as f32][..])
     }
 
     /// Notes the number of the frame that frame `number` (from 1) was measured from, 0 for the reference given: before
@@ -342,9 +316,9 @@ impl StoreWriter {
     pub fn write_reference_frame(&self, number: usize, reference_frame: usize) -> Result<(), StoreError> {
         self.check_number(number)?;
         let form = Form::reference_frame(self.series().room);
-        let is_there = self.path().join(REFERENCE_FRAME).join("zarr.json").is_file();
+        let is_there = self.folder.has(REFERENCE_FRAME);
         let array = if is_there { form.open(&self.folder)? } else { form.create(&self.folder)? };
-        self.chunk(&array, &[number as u64 - 1], &[reference_frame as u32][..])
+        write_chunk(&self.folder, &array, &[number as u64 - 1], &[reference_frame as u32][..])
     }
 
     /// Takes back that frame `number` (from 1) is done: what it holds is replaced.
@@ -373,6 +347,11 @@ impl StoreWriter {
         }
         series.attributes.frames_sha256 = frames_sha256;
         write_group(&self.folder, &series.attributes)
+    }
+
+    fn check_elements(&self, number: usize, what: &'static str, found: usize) -> Result<(), StoreError> {
+        let wanted = self.mesh.n_elements();
+        if found == wanted { Ok(()) } else { Err(StoreError::WrongSize { number, what, found, wanted }) }
     }
 
     fn check_sizes(
@@ -414,57 +393,45 @@ impl StoreWriter {
         strain: &StrainField,
     ) -> Result<(StoreKey, Option<Bytes>), StoreError> {
         let at = place_of(number, variable);
-        let kept = |pairs: &[[f64; 2]]| -> Vec<[f64; 2]> {
-            let known = pairs.iter().zip(&measurement.measured);
-            known.map(|(&pair, &measured)| if measured { pair } else { [f64::NAN; 2] }).collect()
+        let (n_nodes, n_elements) = (self.mesh.n_nodes(), self.mesh.n_elements());
+        let (model, points) = (measurement.model_error.as_ref(), measurement.points.as_ref());
+        // Where a node is measured and the pairs are known.
+        let known = |pairs: Option<&Vec<[f64; 2]>>| -> Vec<[f64; 2]> {
+            let Some(pairs) = pairs else { return vec![[f64::NAN; 2]; n_nodes] };
+            let kept = pairs.iter().zip(&measurement.measured);
+            kept.map(|(&pair, &measured)| if measured { pair } else { [f64::NAN; 2] }).collect()
         };
-        let unknown = |of: &Self| vec![[f64::NAN; 2]; of.mesh.n_nodes()];
+        let doubles = |pairs: Vec<[f64; 2]>| self.encode(array, &at, pairs.as_flattened());
+        let singles = |values: Vec<f32>| self.encode(array, &at, values.as_slice());
+        let codes = |codes: Vec<u8>| self.encode(array, &at, codes.as_slice());
+        let flags = |flags: &Vec<bool>| flags.iter().copied().map(u8::from).collect();
         match variable {
-            Variable::Displacement => self.encode(array, &at, kept(&measurement.displacement).as_flattened()),
-            Variable::Sigma => self.encode(array, &at, singles(kept(&measurement.sigma).as_flattened()).as_slice()),
-            Variable::Measured => {
-                let measured: Vec<u8> = measurement.measured.iter().copied().map(u8::from).collect();
-                self.encode(array, &at, measured.as_slice())
-            }
-            Variable::StrainElement => self.encode(array, &at, strain_values(&strain.elements).as_slice()),
-            Variable::StrainNode => self.encode(array, &at, strain_values(&strain.nodes).as_slice()),
+            Variable::Displacement => doubles(known(Some(&measurement.displacement))),
+            Variable::Sigma => singles(single(known(Some(&measurement.sigma)).as_flattened())),
+            Variable::Measured => codes(flags(&measurement.measured)),
+            Variable::StrainElement => singles(strain_values(&strain.elements)),
+            Variable::StrainNode => singles(strain_values(&strain.nodes)),
             Variable::StrainWindow | Variable::SigmaStrainWindow => {
                 let is_strain = variable == Variable::StrainWindow;
                 let one = |at: &Option<(TensorStrain, [f64; 3])>| {
                     at.map(|(strain, sigma)| if is_strain { strain } else { TensorStrain::of_components(sigma) })
                 };
                 let found = strain.window.as_ref().map(|window| window.nodes.iter().map(one).collect());
-                let found = found.unwrap_or_else(|| vec![None; self.mesh.n_nodes()]);
-                self.encode(array, &at, strain_values(&found).as_slice())
+                singles(strain_values(&found.unwrap_or_else(|| vec![None; n_nodes])))
             }
-            Variable::Residual => self.encode(array, &at, singles(&measurement.element_residual).as_slice()),
-            Variable::ModelError => {
-                let known = measurement.model_error.as_ref().map(|model| kept(&model.nodes));
-                self.encode(array, &at, singles(known.unwrap_or_else(|| unknown(self)).as_flattened()).as_slice())
-            }
+            Variable::Residual => singles(single(&measurement.element_residual)),
+            Variable::ModelError => singles(single(known(model.map(|model| &model.nodes)).as_flattened())),
             Variable::Misfit => {
-                let unknown = vec![f64::NAN; self.mesh.n_elements()];
-                let known = measurement.model_error.as_ref().map(|model| singles(&model.misfit));
-                self.encode(array, &at, known.unwrap_or_else(|| singles(&unknown)).as_slice())
+                singles(model.map_or_else(|| vec![f32::NAN; n_elements], |model| single(&model.misfit)))
             }
             Variable::Mark => {
-                let known = measurement.marks.as_ref().map(|marks| marks.iter().map(|mark| mark.code()).collect());
-                let codes: Vec<u8> = known.unwrap_or_else(|| vec![UNKNOWN_MARK; self.mesh.n_elements()]);
-                self.encode(array, &at, codes.as_slice())
+                let marks = measurement.marks.as_ref().map(|marks| marks.iter().map(|mark| mark.code()).collect());
+                codes(marks.unwrap_or_else(|| vec![UNKNOWN_MARK; n_elements]))
             }
-            Variable::DisplacementPoint => {
-                let known = measurement.points.as_ref().map(|points| kept(&points.displacement));
-                self.encode(array, &at, known.unwrap_or_else(|| unknown(self)).as_flattened())
-            }
-            Variable::SigmaPoint => {
-                let known = measurement.points.as_ref().map(|points| kept(&points.sigma));
-                self.encode(array, &at, singles(known.unwrap_or_else(|| unknown(self)).as_flattened()).as_slice())
-            }
+            Variable::DisplacementPoint => doubles(known(points.map(|points| &points.displacement))),
+            Variable::SigmaPoint => singles(single(known(points.map(|points| &points.sigma)).as_flattened())),
             Variable::IsPointValue => {
-                let known = measurement.points.as_ref();
-                let known = known.map(|points| points.is_value.iter().copied().map(u8::from).collect());
-                let codes: Vec<u8> = known.unwrap_or_else(|| vec![NO_POINT; self.mesh.n_nodes()]);
-                self.encode(array, &at, codes.as_slice())
+                codes(points.map_or_else(|| vec![NO_POINT; n_nodes], |points| flags(&points.is_value)))
             }
         }
     }
@@ -481,13 +448,23 @@ impl StoreWriter {
         let bytes = stored.and_then(|()| Ok(memory.get(&key)?));
         bytes.map(|bytes| (key, bytes)).map_err(|error| write_error(&self.folder, array, at, error))
     }
-
-    fn chunk<'a>(&self, array: &Array<Folder>, at: &[u64], values: impl IntoArrayBytes<'a>) -> Result<(), StoreError> {
-        array.store_chunk_opt(at, values, &codec_options()).map_err(|error| write_error(&self.folder, array, at, error))
-    }
 }
 
-fn singles(values: &[f64]) -> Vec<f32> {
+/// Writes what all frames share as its one chunk.
+fn write_constant<'a>(folder: &Arc<Folder>, form: &Form, values: impl IntoArrayBytes<'a>) -> Result<(), StoreError> {
+    write_chunk(folder, &form.create(folder)?, &vec![0; form.shape.len()], values)
+}
+
+fn write_chunk<'a>(
+    folder: &Folder,
+    array: &Array<Folder>,
+    at: &[u64],
+    values: impl IntoArrayBytes<'a>,
+) -> Result<(), StoreError> {
+    array.store_chunk_opt(at, values, &codec_options()).map_err(|error| write_error(folder, array, at, error))
+}
+
+fn single(values: &[f64]) -> Vec<f32> {
     values.iter().map(|&value| value as f32).collect()
 }
 
@@ -502,13 +479,13 @@ fn strain_values(strains: &[Option<TensorStrain>]) -> Vec<f32> {
 /// is that which all have. A new store gets those of strains over a window where it is `windowed`.
 fn create_frames(folder: &Arc<Folder>, n_frames: usize, mesh: &Mesh<Px>, windowed: bool) -> Result<(), StoreError> {
     // A store of an earlier version stays one.
-    let is_new = !folder.path().join("status").join("zarr.json").is_file();
+    let is_new = !folder.has("status");
     let wanted = |v: &Variable| is_new && (windowed || !v.is_of_window());
     for v in Variable::ALL.into_iter().filter(|v| wanted(v) || v.is_in(folder.path())) {
         Form::variable(v, n_frames, mesh.n_nodes(), mesh.n_elements()).create(folder)?;
     }
     Form::noise(n_frames).create(folder)?;
-    if folder.path().join(REFERENCE_FRAME).join("zarr.json").is_file() {
+    if folder.has(REFERENCE_FRAME) {
         Form::reference_frame(n_frames).create(folder)?;
     }
     Form::status(n_frames).create(folder).map(drop)
@@ -530,8 +507,7 @@ fn file_error(file: PathBuf, error: ArrayError) -> StoreError {
     }
 }
 
-/// Removes the store `path` with all its frames; nothing else that may stand in that folder. No store there
-/// is fine.
+/// Removes the store `path` with all its frames; nothing else that may stand in that folder. No store there is fine.
 ///
 /// # Errors
 /// A folder that is not empty and holds no store of quadrille, and what the file system refuses.
@@ -546,19 +522,17 @@ pub fn remove_store(path: &Path) -> Result<(), StoreError> {
             }
         }
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            return match fs::read_dir(path) {
+            return match fs::read_dir(path).map(|mut entries| entries.next()) {
+                Ok(None) => Ok(()),
+                Ok(Some(_)) => {
+                    let reason = "it has no zarr.json".to_owned();
+                    Err(StoreError::NotAStore { path: path.to_owned(), reason })
+                }
                 Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
-                Err(error) => Err(StoreError::write(path.to_owned(), error)),
-                Ok(mut entries) => match entries.next() {
-                    None => Ok(()),
-                    Some(_) => {
-                        let reason = "it has no zarr.json".to_owned();
-                        Err(StoreError::NotAStore { path: path.to_owned(), reason })
-                    }
-                },
+                Err(error) => Err(failed(path.to_owned())(error)),
             };
         }
-        Err(error) => return Err(StoreError::write(path.to_owned(), error)),
+        Err(error) => return Err(failed(path.to_owned())(error)),
     }
     // The status first: a store that is removed half-way shows no frame that is not whole.
     let constants = [

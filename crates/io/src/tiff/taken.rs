@@ -1,5 +1,4 @@
-//! When an image was taken, as its file says: tags of the page, and those of EXIF, which a JPEG or PNG file holds as a
-//! small TIFF file.
+//! When an image was taken: tags of the page, and those of EXIF, which JPEG and PNG hold as a small TIFF file.
 
 use super::{ByteLayout, Directory};
 
@@ -14,7 +13,7 @@ const MOST_DIGITS: usize = 9;
 pub(crate) fn taken_of_exif(data: &[u8]) -> Option<String> {
     let data = data.strip_prefix(b"Exif\0\0").unwrap_or(data);
     let file = ByteLayout::of(data).ok()?;
-    let first = usize::try_from(file.number(data, file.first(), file.word())?).ok()?;
+    let first = usize::try_from(file.number(data, file.word(), file.word())?).ok()?;
     read_time(&Directory::read(file, data, first).ok()?, data)
 }
 

@@ -1,7 +1,6 @@
 //! Sums of coefficients near a node that are right for polynomials: the least change of the coefficient itself.
 
-/// Powers of both coordinates of the monomials, in the order in which they are asked for: all up to the third degree,
-/// and the square of both.
+/// Powers of both coordinates of the monomials, in the order asked for: up to the third degree, both squared.
 pub(super) const MONOMIALS: [[i32; 2]; N_MONOMIALS] =
     [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2], [3, 0], [2, 1], [1, 2], [0, 3], [2, 2]];
 /// How many there are.
@@ -81,8 +80,7 @@ impl Conditions {
         found
     }
 
-    /// The least scaled weights that fulfil the first `n` conditions with the right sides `wanted`, and whether those
-    /// up to the second degree are.
+    /// The least scaled weights for which the first `n` conditions are `wanted`, and whether those up to degree 2 hold.
     fn least(&self, wanted: &[f64], n: usize) -> (Vec<f64>, bool) {
         let length = self.rows.iter().flatten().next().map_or(0, Vec::len);
         let mut weights = vec![0.0; length];
@@ -103,8 +101,7 @@ impl Conditions {
 }
 
 impl Around {
-    /// The value at the node and the second derivatives there; `None` where too few coefficients are near, or where the
-    /// value would have much more noise than the coefficient.
+    /// Value and second derivatives at the node; `None` with too few coefficients near, or much more noise than theirs.
     pub fn fit(&self) -> Option<Fit> {
         let n = self.rings.len();
         let cost: Vec<f64> = self.rings.iter().map(|&ring| WEIGHT_OF_A_RING.powf(-0.5 * f64::from(ring))).collect();
@@ -160,8 +157,7 @@ fn product(parts: &[f64], correlations: &[f32]) -> f64 {
 }
 
 impl Fit {
-    /// Standard deviation of the value where the coefficients have the standard deviations that `sigma` gives by their
-    /// number.
+    /// Standard deviation of the value where the coefficients have those that `sigma` gives by their number.
     pub fn sigma(&self, sigma: impl Fn(usize) -> f64) -> f64 {
         let parts: Vec<f64> = self.value.iter().enumerate().map(|(i, w)| w * sigma(i)).collect();
         let (mut variance, mut at) = (0.0, 0);

@@ -92,8 +92,7 @@ impl Made {
         })
     }
 
-    /// Throws patches away that no filter uses, once they may be more than half: where nodes are lost in noise each
-    /// frame has others.
+    /// Throws unused patches away once they may be more than half: where nodes are lost in noise frames differ.
     fn thin_out(&self) {
         const FEW: usize = 4096;
         let mut patches = self.patches.lock().unwrap_or_else(PoisonError::into_inner);
@@ -106,8 +105,7 @@ impl Made {
 }
 
 impl PointFilter {
-    /// For fields on `mesh` where these nodes are measured; elements whose mark says that they are left out do not
-    /// count.
+    /// For fields on `mesh` where these nodes are measured; elements whose mark says they are left out do not count.
     pub fn new<U: Length>(mesh: &Mesh<U>, measured: &[bool], marks: Option<&[ElementMark]>) -> Self {
         Self::after(mesh, live_elements(mesh, measured, marks), None)
     }
@@ -206,8 +204,7 @@ fn live_elements<U: Length>(mesh: &Mesh<U>, measured: &[bool], marks: Option<&[E
     mesh.elements().iter().enumerate().map(|(element, nodes)| is_in(element) && is_whole(nodes)).collect()
 }
 
-/// The nodes near which an element lives in one of two fields alone: within a patch of it. All others have the same row
-/// in both.
+/// The nodes within a patch of an element that lives in one of two fields alone; all others have the same row in both.
 fn near_changes<U: Length>(mesh: &Mesh<U>, live: &[bool], other: &[bool]) -> Vec<bool> {
     let mut near = vec![false; mesh.n_nodes()];
     for ((nodes, a), b) in mesh.elements().iter().zip(live).zip(other) {
@@ -328,8 +325,7 @@ const SECOND_INSIDE: [[f64; 9]; 3] = [
     [0.0, 1.0, 0.0, 0.0, -2.0, 0.0, 0.0, 1.0, 0.0],
 ];
 
-/// Standard deviation of a sum of nine with these standard deviations, correlated by the product of what they are along
-/// both axes.
+/// Standard deviation of a sum of nine with these, correlated by the product of what they are along both axes.
 fn sigma_inside(part: &[f64; 9]) -> f64 {
     const R: f64 = CORRELATION;
     let correlated = |[a, b, c]: [f64; 3]| [a + R * b + R * R * c, R * (a + c) + b, R * R * a + R * b + c];

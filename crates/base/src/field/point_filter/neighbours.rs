@@ -1,6 +1,7 @@
 //! Who stands beside whom on the elements that count.
 
-use crate::mesh::Mesh;
+use crate::linalg::by_key;
+use crate::mesh::{Mesh, corners_of};
 use crate::units::Length;
 
 /// No element.
@@ -22,8 +23,7 @@ pub(super) struct Neighbours {
     depth: Vec<u8>,
 }
 
-/// Depth from which a node knows nothing of borders any more: what they do to a coefficient falls to 0.268 of it from
-/// node to node.
+/// Depth from which a node knows nothing of borders: what they do to a coefficient falls to 0.268 from node to node.
 pub(super) const FAR: u8 = 4;
 
 /// What lies around a node that is the middle of a rectangle of regular elements: elements to its sides (towards corner
@@ -41,28 +41,15 @@ impl Neighbours {
     /// Those of a mesh with these live elements, and the sides of elements that count as regular.
     pub fn new<U: Length>(mesh: &Mesh<U>, live: &[bool]) -> (Self, Sides) {
         let n_nodes = mesh.n_nodes();
-        let mut first = vec![0u32; n_nodes + 1];
-        let corners = |element: usize| {
-            let nodes = &mesh.elements()[element];
-            &nodes[..if nodes[2] == nodes[3] { 3 } else { 4 }]
-        };
+        let corners = |element: usize| corners_of(&mesh.elements()[element]);
         let live_elements = || (0..mesh.n_elements()).filter(|&element| live[element]);
-        for element in live_elements() {
-            corners(element).iter().for_each(|&node| first[node as usize + 1] += 1);
-        }
-        for node in 0..n_nodes {
-            first[node + 1] += first[node];
-        }
-        let mut next = first.clone();
-        let mut elements = vec![0u32; first[n_nodes] as usize];
+        let of_nodes =
+            live_elements().flat_map(|element| corners(element).iter().map(move |&node| (node, element as u32)));
+        let (first, elements) = by_key(n_nodes, of_nodes);
         let mut quadrants = vec![[NONE; 4]; n_nodes];
         let mut regular = vec![false; mesh.n_elements()];
         let mut sides: Sides = vec![None; mesh.zones().len()];
         for element in live_elements() {
-            for &node in corners(element) {
-                elements[next[node as usize] as usize] = element as u32;
-                next[node as usize] += 1;
-            }
             let [a, b, c, d] = mesh.corners(element);
             let own = [[b[0] - a[0], b[1] - a[1]], [d[0] - a[0], d[1] - a[1]]];
             let size = own.iter().flatten().fold(0.0f64, |size, v| size.max(v.abs()));
@@ -142,8 +129,7 @@ impl Neighbours {
         [nw, n, ne, w, node as u32, e, sw, s, se]
     }
 
-    /// The rectangle of regular elements around a node, when all that is within [`FAR`] elements of it is one, with its
-    /// nodes row by row; `None` where it is not.
+    /// The rectangle of regular elements, with its nodes row by row, that all within [`FAR`] elements of a node may be.
     pub fn rectangle<U: Length>(&self, mesh: &Mesh<U>, node: usize) -> Option<(Extent, Vec<u32>)> {
         let count = |direction: usize, forward: bool| {
             let mut at = node;

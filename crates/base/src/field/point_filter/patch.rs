@@ -47,8 +47,7 @@ impl Line {
         let within = |place: i32| place.unsigned_abs() as usize <= REACH;
         let places: Vec<i32> = (first..=last).filter(|&place| within(place)).collect();
         let index = |place: i32| (place - first) as usize;
-        // The deviation of a power from the straight lines between its values at the nodes, against each shape
-        // function.
+        // Deviation of a power from the straight lines between its values at the nodes, against each shape function.
         let mut deviations = vec![[0.0; 2]; n];
         for k in 0..n - 1 {
             let [a, b] = [f64::from(first + k as i32), f64::from(first + k as i32 + 1)];
@@ -74,8 +73,7 @@ impl Line {
     }
 }
 
-/// What is around a node in a rectangle of regular elements: the product of two lines. The nodes within [`REACH`] are
-/// in rows along the first direction.
+/// What is around a node in a rectangle of regular elements, a product of two lines: [`REACH`] nodes in rows along one.
 pub(super) fn of_rectangle(extent: Extent) -> Option<Around> {
     let [x, y] = [Line::new(extent.before[0], extent.after[0])?, Line::new(extent.before[1], extent.after[1])?];
     let nodes: Vec<[usize; 2]> = (0..y.places.len()).flat_map(|j| (0..x.places.len()).map(move |i| [i, j])).collect();
@@ -133,8 +131,7 @@ pub(super) struct Patch {
     elements: Vec<[u16; 4]>,
     /// The columns of F.
     pub frame: [[f64; 2]; 2],
-    /// Whether all elements are regular: the patch is then the same wherever its elements hang together in the same
-    /// way.
+    /// Whether all elements are regular: the patch is then the same wherever its elements hang together alike.
     pub is_regular: bool,
 }
 
@@ -255,8 +252,7 @@ impl Patch {
 /// What one element brings to the equations of a projection.
 struct OfElement {
     mass: [[f64; 4]; 4],
-    /// The deviation of each curved monomial from the bilinear field between its values at the corners, against the
-    /// shape function of each corner.
+    /// Of each curved monomial, what deviates from the bilinear field between the corners, against each shape function.
     deviations: [[f64; CURVED]; 4],
 }
 

@@ -24,8 +24,7 @@ pub struct CrackLine {
 pub struct CrackValues {
     /// Opening and sliding at each of its places.
     pub points: Vec<Option<Jump>>,
-    /// The gravest mark of the elements on either face there: an opening beside elements that do not match is to be
-    /// doubted.
+    /// The gravest mark of the elements on either face there: an opening beside elements that do not match is doubtful.
     pub marks: Vec<ElementMark>,
     /// Its tips: one for each end that is joined, in the order of the path.
     pub tips: Vec<CrackTip>,
@@ -38,8 +37,7 @@ pub struct CrackTip {
     pub end: usize,
     /// What was found.
     pub state: TipState,
-    /// Distance along the path from its first point; the last open place of a crack that is open to its end is that
-    /// end.
+    /// Distance along the path from its first point; the last open place of a crack open to its end is that end.
     pub along: Option<Value>,
     /// The same place in the reference.
     pub at: Option<[f64; 2]>,
@@ -73,8 +71,7 @@ impl TipState {
 }
 
 impl CrackLine {
-    /// The crack along `path` in a mesh that is cut there; `None` when it is not. With `elasticity` the stress
-    /// intensity is found at its tips.
+    /// The crack along `path`, if the mesh is cut there. With `elasticity` the stress intensity is found at its tips.
     pub fn on<U: Length>(mesh: &Mesh<U>, path: Vec<[f64; 2]>, elasticity: Option<Elasticity>) -> Option<Self> {
         let faces = mesh.cut_faces(&path);
         (!faces.points.is_empty()).then_some(Self { path, faces, elasticity })

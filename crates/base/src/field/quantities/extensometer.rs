@@ -4,6 +4,7 @@ use super::point::shape_at;
 use super::{NodalNoise, QuantityError, Reading, Value, finite};
 use crate::field::Measurement;
 use crate::mesh::Mesh;
+use crate::plane::{distance, minus};
 use crate::units::Length;
 
 /// Samples of a gauge line per element size: the field between them is as good as straight.
@@ -57,14 +58,12 @@ impl Extensometer {
         self.width
     }
 
-    /// Reads it; `None` when a point of it lies outside the mesh or on a node without measurement, or when the
-    /// ends meet.
+    /// Reads it; `None` when a point lies outside the mesh or on a node without measurement, or the ends meet.
     ///
     /// The mean over a gauge line is a sum over nodes like any other: its standard uncertainty contains the
     /// correlation of neighbouring nodes. That of the distance is to first order.
     pub fn read<U: Length>(&self, field: &Measurement<U>, noise: &NodalNoise) -> Option<Elongation> {
-        let along = [self.to[0] - self.from[0], self.to[1] - self.from[1]];
-        let reference_length = along[0].hypot(along[1]);
+        let (along, reference_length) = (minus(self.to, self.from), distance(self.to, self.from));
         let [start, end] = [self.gauge(&field.mesh, noise, self.from)?, self.gauge(&field.mesh, noise, self.to)?];
         let difference = |direction: [f64; 2]| {
             let signed = |gauge: &[(usize, f64)], sign: f64| -> Vec<_> {
@@ -92,8 +91,7 @@ impl Extensometer {
 
     /// Nodes and weights of the mean over the gauge line through `centre`.
     fn gauge<U: Length>(&self, mesh: &Mesh<U>, noise: &NodalNoise, centre: [f64; 2]) -> Option<Vec<(usize, f64)>> {
-        let along = [self.to[0] - self.from[0], self.to[1] - self.from[1]];
-        let length = along[0].hypot(along[1]);
+        let (along, length) = (minus(self.to, self.from), distance(self.to, self.from));
         let across = [-along[1] / length, along[0] / length];
         let n = (SAMPLES * self.width / mesh.element_size()).ceil().clamp(1.0, 10_000.0);
         let mut weights = Vec::new();

@@ -3,14 +3,14 @@
 use super::{NodalNoise, QuantityError, Reading, Value};
 use crate::field::Measurement;
 use crate::mesh::Mesh;
+use crate::plane::{cross, distance, dot, minus, unit};
 use crate::units::Length;
 use std::collections::HashMap;
 
 /// Cosine of the largest angle between the outward normal of an edge and the way to the other zone at which the
 /// edge still looks at it: 72 degrees, so that one side of each stair of a cut grid does.
 const LOOKS_AT: f64 = 0.3;
-/// Edges that look elsewhere, between edges that look across, belong to the face when they are not more: the other
-/// sides of stairs.
+/// Up to so many edges between edges that look across belong to the face as well: the other sides of stairs.
 const STAIR: usize = 3;
 /// Cosine of the turn between two edges above which a face is no stair there: 30 degrees.
 const SMOOTH: f64 = 0.866;
@@ -60,8 +60,7 @@ pub struct FacingPoint {
 pub struct Jump {
     /// Jump `+` minus `-` along the normal from `-` to `+`: positive when the zones move apart.
     pub opening: Value,
-    /// Jump `+` minus `-` along the tangent: positive when `+` has moved further along x, for a horizontal joint with
-    /// `+` above.
+    /// Jump `+` minus `-` along the tangent: for a horizontal joint with `+` above, positive when `+` moved along x.
     pub sliding: Value,
 }
 
@@ -92,8 +91,7 @@ impl FacingPoint {
 
     /// Opening and sliding here; `None` when a node on either side is not measured.
     ///
-    /// The zones share no pixel, so the variances of both sides add; on each side the correlation of
-    /// neighbouring nodes is that of `noise`.
+    /// The zones share no pixel: variances of both sides add; on each, nodes are correlated as in `noise`.
     pub fn read<U: Length>(&self, field: &Measurement<U>, noise: &NodalNoise) -> Option<Jump> {
         let along = |direction| self.jump_at(&field.mesh, noise, direction).read(field, noise);
         Some(Jump { opening: along(self.normal)?, sliding: along(self.tangent())? })
@@ -110,7 +108,7 @@ impl Facing {
             mesh.zones()
                 .iter()
                 .position(|zone| zone == name)
-                .ok_or_else(|| QuantityError::NoSuchZone { name: name.to_owned(), zones: mesh.zones().join(", ") })
+                .ok_or_else(|| QuantityError::NoSuchZone(name.to_owned(), mesh.zones().join(", ")))
         };
         let zones = [number(plus)?, number(minus)?];
         if zones[0] == zones[1] {
@@ -120,7 +118,7 @@ impl Facing {
         let faces = [0, 1].map(|k| borders[zones[k]].facing(&borders[zones[1 - k]], &borders));
         let points = pairs(&borders[zones[0]], &faces[0], &borders[zones[1]], &faces[1]);
         if points.is_empty() {
-            return Err(QuantityError::NotFacing { first: plus.to_owned(), second: minus.to_owned() });
+            return Err(QuantityError::NotFacing(plus.to_owned(), minus.to_owned()));
         }
         Ok(Self { points })
     }
@@ -130,8 +128,7 @@ impl Facing {
         &self.points
     }
 
-    /// Mean opening and mean sliding over the points that are measured; `None` without any. The
-    /// standard uncertainty is that of the mean, with the correlation of neighbours.
+    /// Mean opening and sliding over the measured points, if any, with the uncertainty of correlated neighbours.
     pub fn mean<U: Length>(&self, field: &Measurement<U>, noise: &NodalNoise) -> Option<Jump> {
         let measured: Vec<&FacingPoint> =
             self.points.iter().filter(|point| point.jump(point.normal).value(field).is_some()).collect();
@@ -163,24 +160,6 @@ struct Edge {
     ends: [[f64; 2]; 2],
     /// Unit, out of the zone.
     normal: [f64; 2],
-}
-
-fn minus([ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> [f64; 2] {
-    [ax - bx, ay - by]
-}
-
-fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
-    a[0] * b[0] + a[1] * b[1]
-}
-
-fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
-    a[0] * b[1] - a[1] * b[0]
-}
-
-/// The unit vector; zero for zero.
-fn unit(a: [f64; 2]) -> [f64; 2] {
-    let length = a[0].hypot(a[1]);
-    if length > 0.0 { a.map(|v| v / length) } else { [0.0; 2] }
 }
 
 impl Border {
@@ -290,7 +269,7 @@ impl Border {
                 let at = if closed { at.rem_euclid(n as isize) } else { at };
                 if let Some(edge) = usize::try_from(at).ok().filter(|&at| at < n).map(edge) {
                     let [a, b] = edge.ends;
-                    let length = minus(b, a)[0].hypot(minus(b, a)[1]);
+                    let length = distance(b, a);
                     sum = [sum[0] + length * edge.normal[0], sum[1] + length * edge.normal[1]];
                 }
             }
@@ -341,10 +320,6 @@ fn look(edge: &Edge, other: &Border, all: &[Border]) -> Look {
     let walls = || all.iter().flat_map(|border| &border.edges).filter(|wall| wall.nodes != edge.nodes);
     let free = cosine > LOOKS_AT && !walls().any(|wall| crosses(middle, there, wall));
     Look { cosine, gap: distance(there, middle), free }
-}
-
-fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
 fn nearest_on(edge: &Edge, point: [f64; 2]) -> [f64; 2] {

@@ -61,13 +61,8 @@ pub enum QuantityError {
         limit: usize,
     },
     /// There is no zone of this name.
-    #[error("there is no zone '{name}'; the zones are {zones}")]
-    NoSuchZone {
-        /// The name given.
-        name: String,
-        /// The names that exist.
-        zones: String,
-    },
+    #[error("there is no zone '{0}'; the zones are {1}")]
+    NoSuchZone(String, String),
     /// Both sides of an opening are one zone.
     #[error("an opening lies between two zones; '{zone}' is given twice")]
     OneZone {
@@ -75,13 +70,8 @@ pub enum QuantityError {
         zone: String,
     },
     /// No edge of one zone looks at an edge of the other.
-    #[error("zones '{first}' and '{second}' have no edges that face each other across a gap")]
-    NotFacing {
-        /// One zone.
-        first: String,
-        /// The other zone.
-        second: String,
-    },
+    #[error("zones '{0}' and '{1}' have no edges that face each other across a gap")]
+    NotFacing(String, String),
 }
 
 fn finite(what: &'static str, values: &[f64]) -> Result<(), QuantityError> {

@@ -1,7 +1,7 @@
 //! How the noise of neighbouring nodes goes together.
 
 use crate::field::{ElementMark, Measurement, PointFilter};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, corners_of};
 use crate::units::Length;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -15,15 +15,13 @@ const PRECISION: f64 = 1e-9;
 
 /// The correlation between the errors of the nodes' displacements.
 ///
-/// Noise that is white in the images, on a texture spread evenly, makes the covariance of each component
-/// proportional to the inverse of the mass matrix of the mesh (docs/correlation.md, section 2.7): neighbours
-/// along a mesh line are correlated by -0.268, the next by +0.072, and so on; zones are independent, and so are
-/// the two components. Their *sizes* are taken from the standard uncertainties of each field; only the
-/// *correlations* come from this model. It knows borders, distorted elements, triangles and nodes without
-/// measurement.
+/// Noise that is white in the images, on a texture spread evenly, makes the covariance of each component proportional
+/// to the inverse of the mass matrix of the mesh (docs/correlation.md, section 2.7): neighbours along a mesh line are
+/// correlated by -0.268, the next by +0.072, and so on; zones are independent, and so are the two components. Their
+/// *sizes* are taken from the standard uncertainties of each field; only the *correlations* come from this model. It
+/// knows borders, distorted elements, triangles and nodes without measurement.
 ///
-/// A regularised field has other correlations: [`NodalNoise::unknown`] then gives an upper bound of every
-/// standard uncertainty.
+/// A regularised field has other correlations: [`NodalNoise::unknown`] then bounds every standard uncertainty.
 ///
 /// What is read at points with it ([`at_point`](crate::field::at_point), extensometers, openings) is made of values at
 /// points ([`PointFilter`]), each a sum over the coefficients nearby; of regularised fields, and after
@@ -92,8 +90,7 @@ impl NodalNoise {
     pub fn unknown<U: Length>(mesh: &Mesh<U>, measured: &[bool]) -> Self {
         let mut around = vec![Vec::new(); mesh.n_nodes()];
         for element in (0..mesh.n_elements()).filter(|&element| is_whole(mesh, measured, element)) {
-            let [a, b, c, d] = mesh.elements()[element];
-            for node in [a, b, c].into_iter().chain((d != c).then_some(d)) {
+            for &node in corners_of(&mesh.elements()[element]) {
                 around[node as usize].push(element as u32);
             }
         }
@@ -140,8 +137,7 @@ impl NodalNoise {
         self.mass.is_none()
     }
 
-    /// Correlation, -1 to 1, between the errors of one component of the displacement at two nodes; 0 beyond
-    /// six elements, and between zones.
+    /// Correlation, -1 to 1, of the errors of a component at two nodes; 0 beyond six elements, and between zones.
     pub fn correlation(&self, a: usize, b: usize) -> f64 {
         if a == b {
             return 1.0;
@@ -152,8 +148,7 @@ impl NodalNoise {
         if product > 0.0 { variance(&of_a, b) / product.sqrt() } else { 0.0 }
     }
 
-    /// Standard deviation of `sum (w_x u_x + w_y u_y)` over nodes whose displacements have the standard
-    /// uncertainties `sigma`.
+    /// Standard deviation of `sum (w_x u_x + w_y u_y)` over nodes with the standard uncertainties `sigma`.
     pub(super) fn sigma(&self, weights: &[(usize, [f64; 2])], sigma: &[[f64; 2]]) -> f64 {
         let sizes: Vec<[f64; 2]> = weights.iter().map(|&(node, w)| [0, 1].map(|c| w[c] * sigma[node][c])).collect();
         if self.mass.is_none() {
@@ -217,8 +212,7 @@ impl NodalNoise {
     }
 }
 
-/// Conjugate gradients with the diagonal as preconditioner, which bounds the condition of any mass matrix of
-/// fair elements by about ten: some twenty steps.
+/// Conjugate gradients with the diagonal as preconditioner: the condition of fair elements is ten, steps some twenty.
 pub(in crate::field) fn solve_spd(rows: &[Vec<(usize, f64)>], load: Vec<f64>) -> Vec<f64> {
     let n = load.len();
     let diagonal: Vec<f64> = (0..n).map(|i| rows[i].iter().find(|&&(k, _)| k == i).map_or(1.0, |&(_, m)| m)).collect();

@@ -4,7 +4,7 @@ use super::{
     CrackLine, CrackValues, Elongation, Extensometer, Facing, Jump, NodalNoise, PointValues, RemoveRigid, RigidRemoved,
     Segment, Value, at_point, remove_rigid,
 };
-use crate::field::{Measurement, StrainDefinition, StrainWindow, StrainWindows};
+use crate::field::{Measurement, StrainDefinition, StrainWindow, StrainWindows, TensorStrain};
 use crate::units::Length;
 
 /// The quantities asked for, each with its name.
@@ -135,22 +135,25 @@ impl Quantities {
             let n_parts = facing.points().last().map_or(0, |point| point.part + 1);
             for part in 0..n_parts {
                 let name = if n_parts == 1 { name.clone() } else { format!("{name}, part {}", part + 1) };
-                for (quantity, value) in Jump::QUANTITIES {
-                    let points = facing.points().iter().zip(&values.points).filter(|(point, _)| point.part == part);
-                    let along = points.map(|(point, jump)| (point.along, jump.as_ref().map(value)));
-                    curves.extend(Curve::new(&name, quantity, "along_px", along));
-                }
+                let points = facing.points().iter().zip(&values.points).filter(|(point, _)| point.part == part);
+                curves.extend(jump_curves(&name, points.map(|(point, jump)| (point.along, jump))));
             }
         }
         for ((name, crack), values) in self.cracks.iter().zip(&drawn.cracks) {
-            for (quantity, value) in Jump::QUANTITIES {
-                let along = crack.points().iter().zip(&values.points);
-                let along = along.map(|(point, jump)| (point.along, jump.as_ref().map(value)));
-                curves.extend(Curve::new(name, quantity, "along_px", along));
-            }
+            let along = crack.points().iter().map(|point| point.along);
+            curves.extend(jump_curves(name, along.zip(&values.points)));
         }
         curves
     }
+}
+
+/// Opening and sliding against the distance along a joint or crack.
+fn jump_curves<'a>(name: &str, jumps: impl Iterator<Item = (f64, &'a Option<Jump>)> + Clone) -> Vec<Curve> {
+    let of = |(quantity, value): Named<Jump, Value>| {
+        let points = jumps.clone().map(|(along, jump)| (along, jump.as_ref().map(value)));
+        Curve::new(name, quantity, "along_px", points)
+    };
+    Jump::QUANTITIES.into_iter().filter_map(of).collect()
 }
 
 /// A quantity by its name in tables.
@@ -161,26 +164,22 @@ impl PointValues {
     const QUANTITIES: [Named<Self, Option<Value>>; 8] = [
         ("ux_px", |v| Some(Value { value: v.displacement[0], sigma: v.sigma[0] })),
         ("uy_px", |v| Some(Value { value: v.displacement[1], sigma: v.sigma[1] })),
-        ("exx", |v| v.strain_component(0)),
-        ("eyy", |v| v.strain_component(1)),
-        ("exy", |v| v.strain_component(2)),
-        ("exx_window", |v| v.window_component(0)),
-        ("eyy_window", |v| v.window_component(1)),
-        ("exy_window", |v| v.window_component(2)),
+        ("exx", |v| component(v.strain, 0)),
+        ("eyy", |v| component(v.strain, 1)),
+        ("exy", |v| component(v.strain, 2)),
+        ("exx_window", |v| component(v.window, 0)),
+        ("eyy_window", |v| component(v.window, 1)),
+        ("exy_window", |v| component(v.window, 2)),
     ];
 
     /// Its numbers with their names in tables, those over a window where there is one.
     pub fn quantities(window: Option<StrainWindow>) -> &'static [Named<Self, Option<Value>>] {
         &Self::QUANTITIES[..if window.is_some() { 8 } else { 5 }]
     }
+}
 
-    fn window_component(&self, k: usize) -> Option<Value> {
-        self.window.map(|(strain, sigma)| Value { value: strain.components()[k], sigma: sigma[k] })
-    }
-
-    fn strain_component(&self, k: usize) -> Option<Value> {
-        self.strain.map(|(strain, sigma)| Value { value: strain.components()[k], sigma: sigma[k] })
-    }
+fn component(strain: Option<(TensorStrain, [f64; 3])>, k: usize) -> Option<Value> {
+    strain.map(|(strain, sigma)| Value { value: strain.components()[k], sigma: sigma[k] })
 }
 
 impl Jump {

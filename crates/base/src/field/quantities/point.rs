@@ -4,6 +4,7 @@ use super::{NodalNoise, QuantityError, Reading, finite, positive};
 use crate::field::strain_field::StrainElement;
 use crate::field::{Measurement, StrainDefinition, TensorStrain, WindowStrains};
 use crate::mesh::{Mesh, shape_functions};
+use crate::plane::distance;
 use crate::units::Length;
 
 /// The most points of a line.
@@ -20,8 +21,7 @@ pub struct PointValues {
     /// measured lies around a corner of the point's element, or where the field folds.
     pub strain: Option<(TensorStrain, [f64; 3])>,
     /// The same over a window of nodes, interpolated between those of the element (its standard uncertainty as well:
-    /// windows of neighbours share most of their noise); `None` where it is not known at one of them, or not asked
-    /// for.
+    /// windows of neighbours share most of their noise); `None` where it is not known at one of them, or not asked for.
     pub window: Option<(TensorStrain, [f64; 3])>,
 }
 
@@ -43,8 +43,7 @@ impl PointValues {
     }
 }
 
-/// The field at the point `at` (reference coordinates); `None` outside the mesh and where a node of the element
-/// is not measured.
+/// The field at `at` (reference coordinates); `None` outside the mesh and where a node of the element is not measured.
 ///
 /// The displacement is the value there ([`PointFilter`](crate::field::PointFilter)), not the bilinear field of the
 /// coefficients, unless `noise` says that they stand for themselves ([`NodalNoise`]). The strain is made of the
@@ -172,7 +171,7 @@ impl Segment {
 
     /// Its length.
     pub fn length(&self) -> f64 {
-        (self.to[0] - self.from[0]).hypot(self.to[1] - self.from[1])
+        distance(self.to, self.from)
     }
 
     /// Distance from the start, and position, of each point.

@@ -22,8 +22,7 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// The reading with these nodes and weights; weights of one node are added, and nodes without weight are
-    /// left out.
+    /// The reading with these nodes and weights; those of one node are added, nodes without weight left out.
     pub fn new(weights: impl IntoIterator<Item = (usize, [f64; 2])>) -> Self {
         let mut sums: BTreeMap<usize, [f64; 2]> = BTreeMap::new();
         for (node, w) in weights {

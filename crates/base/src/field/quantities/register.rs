@@ -1,12 +1,10 @@
 //! Rigid motion taken off a field.
 
-use crate::field::{Measurement, RigidMotion};
+use crate::field::{Measurement, RigidMotion, UnknownChoice};
 use crate::units::Length;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
-
-use crate::field::UnknownChoice;
 
 /// Which rigid motion is taken off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
@@ -32,11 +30,7 @@ impl FromStr for RemoveRigid {
     type Err = UnknownChoice;
 
     fn from_str(word: &str) -> Result<Self, UnknownChoice> {
-        [RemoveRigid::All, RemoveRigid::Zone].into_iter().find(|r| r.name() == word).ok_or_else(|| UnknownChoice {
-            option: "remove-rigid",
-            given: word.to_owned(),
-            expected: "all or zone",
-        })
+        UnknownChoice::or_one_of(&[Self::All, Self::Zone], Self::name, word, ["remove-rigid", "all or zone"])
     }
 }
 
@@ -56,10 +50,9 @@ pub struct RigidRemoved {
 /// The field without its rigid motion, and what was taken off (nothing for a zone without measured node).
 ///
 /// With `x = X + u` the place of a node in the deformed image, `C` the centre and `t` the translation of the motion,
-/// what is left is `u' = C + R^T (x - C - t) - X`: the exact rotation is undone, not its linear part, so
-/// that a body that only moved is left with nothing and strains of type Green-Lagrange and Hencky do not
-/// change. Standard uncertainties turn with the axes; that of the motion itself, a mean over all nodes, is left
-/// out.
+/// what is left is `u' = C + R^T (x - C - t) - X`: the exact rotation is undone, not its linear part, so that a body
+/// that only moved is left with nothing and strains of type Green-Lagrange and Hencky do not change. Standard
+/// uncertainties turn with the axes; that of the motion itself, a mean over all nodes, is left out.
 ///
 /// ```
 /// # use quadrille_base as quadrille;

@@ -2,7 +2,8 @@
 
 use super::{NodalNoise, Reading, Value};
 use crate::field::Measurement;
-use crate::mesh::{FacePoint, Mesh, local_derivatives, project};
+use crate::mesh::{FacePoint, Mesh, project};
+use crate::plane::{self, dot, minus};
 use crate::units::Length;
 use std::collections::HashSet;
 use std::f64::consts::PI;
@@ -35,8 +36,7 @@ pub struct StressIntensity {
 const LARGEST: f64 = 12.0;
 /// The smallest outer radius, in elements: between it and the inner one there are two elements.
 const SMALLEST: f64 = 4.0;
-/// The inner radius, of the outer one; at least [`NEAREST`] elements, since elements near the tip do not follow the
-/// singular field.
+/// The inner radius, of the outer one, at least [`NEAREST`] elements: those near the tip miss the singular field.
 const INNER: f64 = 0.4;
 const NEAREST: f64 = 2.0;
 /// Points per direction of an element that the integral is summed over.
@@ -66,8 +66,7 @@ impl Local {
     }
 }
 
-/// `du_i/dx_j` of the singular field of mode 1 or 2 with K = 1 and E = 1, in plane stress, at polar coordinates about
-/// the tip.
+/// `du_i/dx_j` of the singular field of mode 1 or 2, K = 1 and E = 1, in plane stress, at polar coordinates of the tip.
 fn williams(mode: usize, poisson: f64, r: f64, theta: f64) -> [[f64; 2]; 2] {
     let kappa = (3.0 - poisson) / (1.0 + poisson);
     let shear = 0.5 / (1.0 + poisson);
@@ -126,8 +125,7 @@ pub(super) fn stress_intensity<U: Length>(
     Some(StressIntensity { k1: k1?, k2: k2?, radius: outer })
 }
 
-/// Distance from a tip to what the domain may not reach: a border that is no face of the crack, a bend of the path,
-/// nodes that are not measured.
+/// Distance from a tip to a border that is no face of the crack, a bend of the path, or nodes not measured.
 fn free_radius<U: Length>(
     field: &Measurement<U>,
     path: &[[f64; 2]],
@@ -136,7 +134,7 @@ fn free_radius<U: Length>(
     ahead: [f64; 2],
 ) -> f64 {
     let mesh = &*field.mesh;
-    let distance = |p: [f64; 2]| (p[0] - at[0]).hypot(p[1] - at[1]);
+    let distance = |p: [f64; 2]| plane::distance(p, at);
     let own: HashSet<usize> = faces.iter().flat_map(|point| [point.plus, point.minus]).collect();
     let borders = (0..mesh.zones().len()).flat_map(|zone| mesh.boundary(zone));
     // An edge of a face has at least one doubled node; the other may be that of a tip.
@@ -148,17 +146,15 @@ fn free_radius<U: Length>(
     let here = project(path, at).map_or(0.0, |found| found.along);
     let mut along = 0.0;
     for two in path.windows(2) {
-        let way = [two[1][0] - two[0][0], two[1][1] - two[0][1]];
-        let length = way[0].hypot(way[1]);
-        let cosine = (way[0] * ahead[0] + way[1] * ahead[1]).abs() / length.max(f64::MIN_POSITIVE);
+        let length = plane::distance(two[1], two[0]);
+        let cosine = dot(minus(two[1], two[0]), ahead).abs() / length.max(f64::MIN_POSITIVE);
         if length > 0.0 && cosine < STRAIGHT {
             bend = bend.min((along - here).max(here - along - length).max(0.0));
         }
         along += length;
     }
     // The other end may lie inside: a tip as well.
-    let forwards =
-        project(path, at).is_none_or(|found| found.tangent[0] * ahead[0] + found.tangent[1] * ahead[1] > 0.0);
+    let forwards = project(path, at).is_none_or(|found| dot(found.tangent, ahead) > 0.0);
     let behind = if forwards { here } else { along - here };
     border.min(missing).min(bend).min(behind)
 }
@@ -179,10 +175,8 @@ impl Frame {
         let step = 1.0 / POINTS as f64;
         for (element, nodes) in mesh.elements().iter().enumerate() {
             let corners = mesh.corners(element);
-            let r = corners.map(|p| (p[0] - self.at[0]).hypot(p[1] - self.at[1]));
-            let size = (0..4)
-                .map(|k| (corners[k][0] - corners[(k + 2) % 4][0]).hypot(corners[k][1] - corners[(k + 2) % 4][1]));
-            let size = size.fold(0.0, f64::max);
+            let r = corners.map(|p| plane::distance(p, self.at));
+            let size = (0..4).map(|k| plane::distance(corners[k], corners[(k + 2) % 4])).fold(0.0, f64::max);
             if r.iter().all(|&r| r > self.outer + size) || r.iter().all(|&r| r < self.inner) {
                 continue;
             }
@@ -190,21 +184,20 @@ impl Frame {
             let mut own = [[[0.0; 2]; 4]; 2];
             for k in 0..POINTS * POINTS {
                 let local = [(k % POINTS) as f64 + 0.5, (k / POINTS) as f64 + 0.5].map(|v| v * step);
-                let place = geometry.place(local);
-                let [dx, dy] = [place[0] - self.at[0], place[1] - self.at[1]];
-                let x = [dx * self.ahead[0] + dy * self.ahead[1], dx * self.across[0] + dy * self.across[1]];
+                let way = minus(geometry.place(local), self.at);
+                let x = [dot(way, self.ahead), dot(way, self.across)];
                 let r = x[0].hypot(x[1]);
                 if r <= self.inner || r >= self.outer {
                     continue;
                 }
                 let fall = -1.0 / (self.outer - self.inner);
                 let slope = x.map(|v| fall * v / r);
-                let (gradients, area) = gradients(&corners, local);
+                let map = geometry.map_at(local);
+                let (gradients, area) = (map.gradients(), map.determinant.abs());
                 for (mode, own) in own.iter_mut().enumerate() {
                     let auxiliary = Local::of(williams(mode + 1, poisson, r, x[1].atan2(x[0])));
                     for (node, gradient) in gradients.iter().enumerate() {
-                        let along = |axis: [f64; 2]| gradient[0] * axis[0] + gradient[1] * axis[1];
-                        let gradient = [along(self.ahead), along(self.across)];
+                        let gradient = [dot(*gradient, self.ahead), dot(*gradient, self.across)];
                         for c in 0..2 {
                             let mut of_node = [[0.0; 2]; 2];
                             of_node[c] = gradient;
@@ -233,20 +226,4 @@ fn interaction(field: &Local, auxiliary: &Local, poisson: f64, slope: [f64; 2]) 
     let flow = |s: [f64; 3], u: [f64; 2]| [s[0] * u[0] + s[2] * u[1], s[2] * u[0] + s[1] * u[1]];
     let (a, b) = (flow(s, auxiliary.slope), flow(t, field.slope));
     (a[0] + b[0] - energy) * slope[0] + (a[1] + b[1]) * slope[1]
-}
-
-/// Gradients of the four shape functions at a local point, and the area per unit of local area.
-fn gradients(corners: &[[f64; 2]; 4], [xi, eta]: [f64; 2]) -> ([[f64; 2]; 4], f64) {
-    let local = local_derivatives([xi, eta]);
-    let mut j = [[0.0; 2]; 2]; // dx_c / dlocal_k
-    for (derivative, corner) in local.iter().zip(corners) {
-        for c in 0..2 {
-            for k in 0..2 {
-                j[c][k] += derivative[k] * corner[c];
-            }
-        }
-    }
-    let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
-    let global = local.map(|[a, b]| [(a * j[1][1] - b * j[1][0]) / det, (b * j[0][0] - a * j[0][1]) / det]);
-    (global, det.abs())
 }

@@ -1,6 +1,7 @@
 //! From a place back to the local coordinates: by iteration for one point, prepared for many.
 
 use super::shape_functions;
+use crate::plane::{cross, minus};
 
 /// The local coordinates at which the element with these corners has the point `p`; beyond 0..1 outside of
 /// it. `None` where there are none (far outside a distorted element).
@@ -39,8 +40,7 @@ pub fn local_coordinates(corners: [[f64; 2]; 4], p: [f64; 2]) -> Option<[f64; 2]
     (off(0).abs() + off(1).abs() < 1e-9 * size).then_some([xi, eta])
 }
 
-/// How far beyond an edge a point still counts as inside for [`InverseMap::shape`], in local coordinates: round-off, so
-/// that no seam opens between neighbours.
+/// How far beyond an edge a point is inside for [`InverseMap::shape`], locally: round-off, so that no seam opens.
 const ROUND_OFF: f64 = 1e-9;
 
 /// The inverse map of one element in closed form, made ready for many points.
@@ -60,14 +60,6 @@ enum Shape {
     Quad { a: [f64; 2], e: [f64; 2], f: [f64; 2], g: [f64; 2] },
     /// Neither: it covers nothing.
     Nothing,
-}
-
-fn minus(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
-    [a[0] - b[0], a[1] - b[1]]
-}
-
-fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
-    a[0] * b[1] - a[1] * b[0]
 }
 
 impl InverseMap {

@@ -26,8 +26,7 @@ pub const GAUSS_POINTS: [[f64; 2]; 4] =
 /// Weight of each of [`GAUSS_POINTS`].
 pub const GAUSS_WEIGHT: f64 = 0.25;
 
-/// Bilinear shape functions at the local coordinates (0..1), in the order of an element's nodes:
-/// (0,0), (1,0), (1,1), (0,1).
+/// Bilinear shape functions at local coordinates (0..1), in the order of the nodes: (0,0), (1,0), (1,1), (0,1).
 ///
 /// ```
 /// # use quadrille_base as quadrille;
@@ -42,6 +41,11 @@ pub fn shape_functions(xi: f64, eta: f64) -> [f64; 4] {
 #[inline]
 pub fn local_derivatives([xi, eta]: [f64; 2]) -> [[f64; 2]; 4] {
     [[eta - 1.0, xi - 1.0], [1.0 - eta, -xi], [eta, xi], [-eta, 1.0 - xi]]
+}
+
+/// The nodes of an element, each once: of a triangle the last two are one.
+pub(crate) fn corners_of(nodes: &[u32; 4]) -> &[u32] {
+    &nodes[..if nodes[2] == nodes[3] { 3 } else { 4 }]
 }
 
 /// `[[da/dxi, da/deta], [db/dxi, db/deta]]` of a field `(a, b)` with these `values` at the corners.
@@ -82,8 +86,7 @@ impl LocalMap {
         self.by_local.map(|[by_xi, by_eta]| [(by_xi * ye - by_eta * yx) / det, (by_eta * xx - by_xi * xe) / det])
     }
 
-    /// `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]` of the field with the values `u` at the corners; not finite where the
-    /// determinant is zero.
+    /// `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]` of the corner values `u`; not finite where the determinant is zero.
     #[inline]
     pub fn gradient_of(&self, u: &[[f64; 2]; 4]) -> [[f64; 2]; 2] {
         let [[xx, xe], [yx, ye]] = self.jacobian;
@@ -297,8 +300,7 @@ mod tests {
                 }
             }
         }
-        // A triangle's two shape functions of one node, added: a sixth of the area on the diagonal, a twelfth beside
-        // it.
+        // A triangle's two shape functions of one node, added: a sixth of the area on the diagonal, else a twelfth.
         let triangle = ElementGeometry::new(ELEMENTS[3]);
         let (mass, area) = (triangle.mass_matrix(), triangle.area());
         let third = mass[2][2] + mass[2][3] + mass[3][2] + mass[3][3];
