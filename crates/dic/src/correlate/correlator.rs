@@ -1,28 +1,12 @@
 //! A prepared reference that correlates deformed images with itself.
 
 use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions};
-use crate::correlate::error::CorrelationError;
-use crate::correlate::noise::misfit::MisfitTest;
-use crate::correlate::noise::model_error::MeshLines;
-use crate::correlate::noise::noise_correlation::{NoiseProbe, Prepared};
-use crate::correlate::noise::reference_noise::{high_frequency, rounding};
-use crate::correlate::noise::uncertainty::{NodalSpread, NoiseGain};
-use crate::correlate::prepare::finest::{Finest, finest_level};
-use crate::correlate::prepare::gradient_noise::AssumedNoise;
-use crate::correlate::prepare::level::Level;
-use crate::correlate::prepare::options::Options;
-use crate::correlate::prepare::reference::Reference;
-use crate::correlate::prepare::texture::SeenByNode;
-use crate::correlate::prior::border::bare_borders;
-use crate::correlate::prior::outliers::replace_outliers;
-use crate::correlate::prior::regularisation::Regularisation;
-use crate::correlate::result::correlation::{Correlation, StartUsed};
-use crate::correlate::result::overlap::Overlap;
-use crate::correlate::result::point_values::PointValuesOf;
-use crate::correlate::result::settled::Settled;
-use crate::correlate::solve::iterate::{Enough, Limits, Turn, WILD_ELEMENTS, iterate, nothing};
-use crate::correlate::start::features::Features;
-use crate::correlate::start::initial::Start;
+use crate::correlate::{
+    AssumedNoise, Correlation, CorrelationError, Enough, Features, Finest, Iterated, Level, Limits, MeshLines,
+    MisfitTest, NodalSpread, NoiseGain, NoiseProbe, Options, Overlap, PointValuesOf, Prepared, Reference,
+    Regularisation, Result, SeenByNode, Settled, Start, StartUsed, Turn, WILD_ELEMENTS, bare_borders, finest_level,
+    high_frequency, iterate, nothing, replace_outliers, rounding,
+};
 use crate::field::{NoiseCorrelation, Status};
 use crate::imaging::Image;
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
@@ -74,20 +58,17 @@ const SEARCH_SIDE: f64 = 320.0;
 /// and zones at least this wide there, px.
 const SEARCH_ZONE: f64 = 20.0;
 
-/// A reference image prepared for correlation: levels, factors, uncertainty. Frames are correlated
-/// independently of each other; see [`crate::correlate::Tracker`] for a series.
+/// A reference image prepared for correlation. Frames are independent; see [`crate::correlate::Tracker`] for a series.
 pub struct Correlator<B: Backend> {
     pub(super) backend: B,
     reference: Reference,
     pub(super) levels: Vec<Level<B>>,
     pub(super) search_map: GreyMap,
-    /// The reference image, whose points are found when a frame is first looked for in the whole image, and by which
-    /// it is named what is the matter with an element.
+    /// The reference image: elements are named by it, and its points are found when a frame is looked for in all of it.
     pub(super) image: Arc<Image>,
     pub(super) features: OnceLock<Features>,
     /// The shifts at which each zone of the reference looks like itself, found with the first frame.
     pub(super) periods: OnceLock<Vec<Vec<[f64; 2]>>>,
-    /// The nodes on cuts of the mesh, once they are asked for.
     pub(super) cut_nodes: OnceLock<BTreeSet<usize>>,
     /// Whether the field of the last frame was that of its first iteration, so that the next one is told as soon:
     /// whether it is told too soon changes what is done twice, and no result.
@@ -96,7 +77,7 @@ pub struct Correlator<B: Backend> {
     /// The pixels of each zone that are summed over on the coarsest level.
     pub(super) search_pixels: Vec<PixelSet>,
     pub(super) noise_gain: NoiseGain,
-    /// What looks for noise that is not white, if that is wanted and the zones are large enough.
+    /// None where noise that is not white is not looked for, or the zones are too small.
     pub(super) probe: Option<NoiseProbe>,
     pub(super) misfit_test: MisfitTest,
     pub(super) mesh_lines: MeshLines,
@@ -108,23 +89,17 @@ pub struct Correlator<B: Backend> {
     pub(super) rounding: f64,
 }
 
-/// What the levels of a reference are prepared with.
-struct Assumed<'a> {
-    options: &'a Options,
-    kernel: &'a KernelOptions,
-    noise: &'a AssumedNoise,
-    /// Of the image, px.
-    size: [usize; 2],
-}
-
-/// Prepares the levels that are coarser than the one `laid`, from the finer to the coarser ones; returns them with the
-/// pixels of each zone on the coarsest level there is.
+/// Prepares the levels of an image of `size` px that are coarser than the one `laid`, from the finer to the coarser
+/// ones; returns them with the pixels of each zone on the coarsest level there is.
 fn coarse_levels<B: Backend>(
     backend: &B,
     frame: &mut B::Frame,
     mut laid: PixelMesh,
-    Assumed { options, kernel, noise, size }: &Assumed<'_>,
-) -> Result<(Vec<Level<B>>, Vec<PixelSet>), CorrelationError> {
+    size: [usize; 2],
+    noise: &AssumedNoise,
+    kernel: &KernelOptions,
+    options: &Options,
+) -> Result<(Vec<Level<B>>, Vec<PixelSet>)> {
     let mut levels = Vec::new();
     for level in 1..=search_level(&laid.mesh) {
         let size = size.map(|n| n >> level);
@@ -141,7 +116,7 @@ fn assumed_sigma(noise: &AssumedNoise, gain: &NoiseGain, spread: &NodalSpread, n
     let at_rest = gain.at_rest();
     let of_one = noise.of_reference * (n_references.max(1) as f64).sqrt();
     let sigma_at = |node, c| at_rest.variance(of_one, spread.at(node, c, at_rest.lambda(of_one)), c).sqrt();
-    (0..spread.variance().len()).map(|node| sigma_at(node, 0).min(sigma_at(node, 1))).collect()
+    (0..spread.variance.len()).map(|node| sigma_at(node, 0).min(sigma_at(node, 1))).collect()
 }
 
 /// The correction, px, at which an iteration has converged.
@@ -163,7 +138,6 @@ fn enough_by_node<B: Backend>(level: &Level<B>, seen: &[SeenByNode], sigma: &[f6
     (0..seen.len()).map(of_node).collect()
 }
 
-/// What is known of its reference.
 impl<B: Backend> Deref for Correlator<B> {
     type Target = Reference;
 
@@ -173,12 +147,11 @@ impl<B: Backend> Deref for Correlator<B> {
 }
 
 impl<B: Backend> Correlator<B> {
-    /// Prepares `reference` for the given zones: meshes, gradients, normal matrices and factors of all
-    /// levels, texture check, uncertainty.
+    /// Prepares `reference` for the given zones.
     ///
     /// # Errors
     /// Options, zones or texture that do not allow a measurement; a device that fails.
-    pub fn new(backend: B, reference: Arc<Image>, zones: &[Zone], options: Options) -> Result<Self, CorrelationError> {
+    pub fn new(backend: B, reference: Arc<Image>, zones: &[Zone], options: Options) -> Result<Self> {
         let (low, high) = reference.range();
         Self::with_offset(backend, reference, zones, options, 0.5 * (low + high))
     }
@@ -190,7 +163,7 @@ impl<B: Backend> Correlator<B> {
         zones: &[Zone],
         options: Options,
         grey_offset: f32,
-    ) -> Result<Self, CorrelationError> {
+    ) -> Result<Self> {
         options.check()?;
         let size = [reference.width(), reference.height()];
         let laid = PixelMesh::on_zones(zones, options.mesh_size(), options.element_share, size)?;
@@ -198,7 +171,7 @@ impl<B: Backend> Correlator<B> {
         let range = f64::from(high) - f64::from(low);
         // A reference without any has no texture, which is said for its nodes.
         if range != 0.0 && !GREY_LEVELS.contains(&range) {
-            return Err(CorrelationError::GreyLevels { range });
+            return Err(CorrelationError::GreyLevels(range));
         }
         let kernel = KernelOptions {
             grey_offset,
@@ -222,15 +195,18 @@ impl<B: Backend> Correlator<B> {
         let sigma = assumed_sigma(&noise, &noise_gain, &spread, options.n_references);
         let tolerance_px = tolerance_px(&options, &level, &sigma);
         let enough = enough_by_node(&level, &seen, &sigma);
-        let prepared = Prepared::of(&reference, &kernel, &options, &level, &zone_pixels);
+        let n_references = options.n_references.max(1);
+        let prepared =
+            Prepared { image: &reference, kernel: &kernel, n_references, level: &level, pixels: &zone_pixels };
         let probe =
             || (options.noise_correlation == NoiseCorrelation::Auto).then(|| NoiseProbe::new(&prepared)).flatten();
         let gradient_noise = options.interpolation.gradient_noise_gain();
-        let assumed = Assumed { options: &options, kernel: &kernel, noise: &noise, size };
         let of_finest =
             || (MisfitTest::new(&level.mesh, &level.moments, gradient_noise, fine), MeshLines::new(&level.mesh));
-        let ((probe, (misfit_test, mesh_lines)), coarse_levels) =
-            rayon::join(|| rayon::join(probe, of_finest), || coarse_levels(&backend, &mut frame, laid, &assumed));
+        let ((probe, (misfit_test, mesh_lines)), coarse_levels) = rayon::join(
+            || rayon::join(probe, of_finest),
+            || coarse_levels(&backend, &mut frame, laid, size, &noise, &kernel, &options),
+        );
         let (coarse_levels, search_pixels) = coarse_levels?;
         let mut levels = vec![level];
         for coarse in coarse_levels {
@@ -294,17 +270,16 @@ impl<B: Backend> Correlator<B> {
     /// Correlates one deformed image, from `start` on; when it fails, or there is none, the frame is searched for.
     ///
     /// # Errors
-    /// An image of another size or without contrast, a start for another mesh, or a device that fails. Not
-    /// converging is a result, not an error.
-    pub fn correlate(&self, image: Arc<Image>, start: Option<&Start>) -> Result<Correlation, CorrelationError> {
-        self.correlate_frame(self.frame(image)?, start)
+    /// Another size, no contrast, a start for another mesh, a device that fails. Not converging is a result.
+    pub fn correlate(&self, image: Arc<Image>, start: Option<&Start>) -> Result<Correlation> {
+        self.correlate_in_series(self.frame(image)?, start, &mut Overlap::default())
     }
 
     /// Brings a deformed image to the device: worth doing while the frame before it is correlated.
     ///
     /// # Errors
     /// An image of another size or without contrast, or a device that fails.
-    pub fn frame(&self, image: Arc<Image>) -> Result<B::Frame, CorrelationError> {
+    pub fn frame(&self, image: Arc<Image>) -> Result<B::Frame> {
         if [image.width(), image.height()] != self.size {
             return Err(CorrelationError::Size {
                 width: image.width(),
@@ -319,35 +294,22 @@ impl<B: Backend> Correlator<B> {
         Ok(self.backend.frame(image, &self.kernel)?)
     }
 
-    /// As [`Correlator::correlate`], for an image that is on the device.
+    /// As [`Correlator::correlate`], for an image that is on the device, while other frames of a series are under way.
     ///
     /// # Errors
     /// A start for another mesh, or a device that fails.
-    pub fn correlate_frame(&self, frame: B::Frame, start: Option<&Start>) -> Result<Correlation, CorrelationError> {
-        self.correlate_in_series(frame, start, &mut Overlap::default())
-    }
-
-    /// As [`Correlator::correlate_frame`], while other frames of a series are under way.
-    ///
-    /// # Errors
-    /// Those of [`Correlator::correlate_frame`].
     pub fn correlate_in_series(
         &self,
         mut frame: B::Frame,
         start: Option<&Start>,
         overlap: &mut Overlap<'_>,
-    ) -> Result<Correlation, CorrelationError> {
+    ) -> Result<Correlation> {
         let found = self.find_from(&mut frame, start, overlap)?;
         let found = self.add_faces(&frame, found, start.map(|start| start.displacement.as_slice()));
         Ok(self.point_values.add_to(found))
     }
 
-    fn find_from(
-        &self,
-        frame: &mut B::Frame,
-        start: Option<&Start>,
-        overlap: &mut Overlap<'_>,
-    ) -> Result<Correlation, CorrelationError> {
+    fn find_from(&self, frame: &mut B::Frame, start: Option<&Start>, overlap: &mut Overlap<'_>) -> Result<Correlation> {
         let Some(start) = start else {
             return overlap.share_threads(|_| {
                 let found = self.search(frame)?;
@@ -358,11 +320,13 @@ impl<B: Backend> Correlator<B> {
         let (mesh_nodes, mesh_zones) = (self.mesh().n_nodes(), self.mesh().zones().len());
         let (nodes, zones) = (displacement.len(), transfer.len());
         if (nodes, zones) != (mesh_nodes, mesh_zones) {
-            return Err(CorrelationError::Start { nodes, zones, mesh_nodes, mesh_zones });
+            let of_mesh = format!("the mesh {mesh_nodes} and {mesh_zones}");
+            return Err(CorrelationError::Start(format!("has {nodes} nodes and {zones} zones, {of_mesh}")));
         }
         let n_elements = self.mesh().n_elements();
-        if let Some(&element) = left_out.iter().find(|&&element| element as usize >= n_elements) {
-            return Err(CorrelationError::StartElement { element, n_elements });
+        if let Some(element) = left_out.iter().find(|&&element| element as usize >= n_elements) {
+            let of_mesh = format!("the mesh has {n_elements}: they are counted from 0");
+            return Err(CorrelationError::Start(format!("leaves out element {element}, {of_mesh}")));
         }
         let found = self.iterate_from_prediction(frame, start, overlap)?;
         overlap.share_threads(|_| {
@@ -370,9 +334,10 @@ impl<B: Backend> Correlator<B> {
                 return self.resolve_periods(frame, found, Some(displacement));
             }
             let moved = Start { displacement: self.move_by_zone(frame, displacement, transfer)?, ..start.clone() };
-            // It may be near now; and what did not match in the frame before would hold up whatever begins with all
-            // elements.
-            if (!moved.left_out.is_empty() || is_apart(&moved.displacement, displacement))
+            let off = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).hypot(a[1] - b[1]);
+            let is_apart = moved.displacement.iter().zip(displacement).any(|pair| off(pair) > PREDICTION_OFF_PX);
+            // It may be near now; and what did not match in the frame before would hold up a start with all elements.
+            if (!moved.left_out.is_empty() || is_apart)
                 && let Some(found) = self.iterate_from_prediction(frame, &moved, &mut Overlap::default())?
             {
                 return self.resolve_periods(frame, found, Some(displacement));
@@ -398,14 +363,8 @@ impl<B: Backend> Correlator<B> {
             // Who wants the tolerance whatever the noise is waits for it.
             enough: if self.options.tolerance_by_sigma > 0.0 { &self.enough } else { &[] },
             max_iterations: self.options.max_iterations,
-            wild_elements: WILD_ELEMENTS,
             turn,
-            late_light: false,
-            near_px: f64::INFINITY,
-            few_far: 0.0,
-            own: false,
-            enough_anywhere: false,
-            regulariser: None,
+            ..COARSE
         }
     }
 
@@ -421,7 +380,7 @@ impl<B: Backend> Correlator<B> {
         frame: &mut B::Frame,
         start: &Start,
         overlap: &mut Overlap<'_>,
-    ) -> Result<Option<Correlation>, CorrelationError> {
+    ) -> Result<Option<Correlation>> {
         let field = overlap.share_threads(|settled| self.settle_from_prediction(frame, start, settled))?;
         let Some(field) = field else { return Ok(None) };
         // What follows looks at the images alone.
@@ -436,7 +395,7 @@ impl<B: Backend> Correlator<B> {
         frame: &mut B::Frame,
         start: &Start,
         settled: &mut (dyn FnMut(Start) + Send),
-    ) -> Result<Option<Settled<B>>, CorrelationError> {
+    ) -> Result<Option<Settled<B>>> {
         let finest = &self.levels[0];
         let turn = self.turn(finest, &start.displacement);
         let (mut field, excluded) = self.start_field(frame, start)?;
@@ -448,8 +407,15 @@ impl<B: Backend> Correlator<B> {
             return Ok(None);
         }
         let mut iterated = self.end_iteration(frame, &mut field, outcome, excluded)?;
-        if is_rest && self.may_try_again() {
-            iterated = self.end_without_astray(frame, &mut field, &start.displacement, iterated)?;
+        if is_rest && self.may_try_again() && iterated.outcome.status != Status::Converged {
+            // Without what keeps it from settling.
+            let Iterated { outcome, found, light, mut excluded } = iterated;
+            if light.is_some() {
+                self.remove_light(frame, &mut field, &found.displacement)?;
+            }
+            let safe = &start.displacement;
+            let outcome = self.iterate_without_astray(frame, &mut field, safe, outcome, &mut excluded)?;
+            iterated = self.end_iteration(frame, &mut field, outcome, excluded)?;
         }
         // What repeats is looked for a period beside as well, and nodes on cuts are followed by themselves.
         let is_told = self.periods().iter().all(Vec::is_empty) && self.cut_nodes().is_empty();
@@ -466,11 +432,7 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// A field of the finest level at its start, and which elements it begins without.
-    pub(super) fn start_field(
-        &self,
-        frame: &mut B::Frame,
-        start: &Start,
-    ) -> Result<(B::Field, Vec<bool>), CorrelationError> {
+    pub(super) fn start_field(&self, frame: &mut B::Frame, start: &Start) -> Result<(B::Field, Vec<bool>)> {
         let prepared = &self.levels[0].prepared;
         let mut field = self.backend.start(prepared, frame, &start.displacement, &start.transfer)?;
         let mut excluded = vec![false; self.mesh().n_elements()];
@@ -481,7 +443,6 @@ impl<B: Backend> Correlator<B> {
         Ok((field, excluded))
     }
 
-    /// The nodes on cuts of the mesh.
     pub(super) fn cut_nodes(&self) -> &BTreeSet<usize> {
         self.cut_nodes.get_or_init(|| self.mesh().doubled().into_iter().collect())
     }
@@ -499,7 +460,7 @@ impl<B: Backend> Correlator<B> {
         displacement: Vec<[f64; 2]>,
         transfer: Vec<GreyTransfer>,
         start: StartUsed,
-    ) -> Result<Correlation, CorrelationError> {
+    ) -> Result<Correlation> {
         let top = &self.levels[self.levels.len() - 1];
         let turn = self.turn(top, &displacement);
         let mut field = self.backend.start(&top.prepared, frame, &displacement, &transfer)?;
@@ -525,20 +486,13 @@ impl<B: Backend> Correlator<B> {
     }
 }
 
-/// Whether two displacements differ by more than a prediction may be off.
-fn is_apart(a: &[[f64; 2]], b: &[[f64; 2]]) -> bool {
-    a.iter().zip(b).any(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) > PREDICTION_OFF_PX)
-}
-
-/// Of two results of one frame the one that tells more: that which converged, else that which matches better, the
-/// second where they match alike.
+/// Of two results of one frame the one that converged, else that which matches better, the second where both do.
 pub(super) fn choose_better(first: Correlation, second: Correlation) -> Correlation {
     let is_better = second.measurement.status == Status::Converged || second.worst_zone() >= first.worst_zone();
     if is_better { second } else { first }
 }
 
-/// The number of halvings after which the largest zone is small enough to be searched, as far as the
-/// smallest zone stays wide enough.
+/// Halvings after which the largest zone is small enough to be searched, and the smallest still wide enough.
 fn search_level(mesh: &Mesh<Px>) -> usize {
     let (mut longest, mut shortest) = (0.0f64, f64::INFINITY);
     for zone in 0..mesh.zones().len() {

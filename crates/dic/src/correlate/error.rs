@@ -4,6 +4,8 @@ use crate::backend::BackendError;
 use crate::mesh::MeshError;
 use thiserror::Error;
 
+pub(crate) type Result<T, E = CorrelationError> = std::result::Result<T, E>;
+
 /// Why a reference cannot be prepared, or a frame not be tried.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -68,32 +70,12 @@ pub enum CorrelationError {
     },
     /// Grey levels of the reference too large, or too small, for sums of products in single precision.
     #[error(
-        "the grey levels of the reference range over {range:.2e}, and numbers of single precision do not hold sums of their products: multiply all images by the same number, so that they range over some hundreds"
+        "the grey levels of the reference range over {0:.2e}, and numbers of single precision do not hold sums of their products: multiply all images by the same number, so that they range over some hundreds"
     )]
-    GreyLevels {
-        /// The largest less the smallest.
-        range: f64,
-    },
-    /// A start that belongs to another mesh.
-    #[error("the start has {nodes} nodes and {zones} zones, the mesh {mesh_nodes} and {mesh_zones}")]
-    Start {
-        /// Nodes of the start.
-        nodes: usize,
-        /// Zones of the start.
-        zones: usize,
-        /// Nodes of the mesh.
-        mesh_nodes: usize,
-        /// Zones of the mesh.
-        mesh_zones: usize,
-    },
-    /// A start without an element that the mesh does not have.
-    #[error("the start leaves out element {element}, the mesh has {n_elements}: they are counted from 0")]
-    StartElement {
-        /// Its number.
-        element: u32,
-        /// Elements of the mesh.
-        n_elements: usize,
-    },
+    GreyLevels(f64),
+    /// A start that belongs to another mesh: of other nodes and zones, or without an element that there is not.
+    #[error("the start {0}")]
+    Start(String),
     /// A kept state of a chain of references that belongs to another mesh.
     #[error("the kept state has {given} {what}, the mesh {wanted}: it belongs to other zones or elements")]
     State {
@@ -143,8 +125,7 @@ pub enum Lack {
         /// Whether there is texture across stripes, but none along them.
         striped: bool,
     },
-    /// Enough texture together with its neighbours: the displacement would be this uncertain, px
-    /// (infinite: not determined at all).
+    /// Enough texture with its neighbours: the displacement would be this uncertain (infinite: not determined).
     Precision {
         /// Standard uncertainty, px.
         sigma_px: f64,

@@ -31,3 +31,43 @@ pub use series::tracker::{History, Tracker};
 pub use solve::light::SmoothLight;
 pub use start::initial::Start;
 pub use start::period::Ambiguity;
+
+// What its parts share.
+use correlator::{COARSE, ENOUGH_BY_SIGMA, MATCHED, choose_better};
+use cracks::faces::{Followed, follow_nodes};
+use error::Result;
+use judge::marks::{ImagePair, bilinear, is_mismatch, mark_pulled_along};
+use judge::screen::LEAST_LEFT;
+use noise::misfit::{Look, MisfitTest, Residuals};
+use noise::model_error::MeshLines;
+use noise::noise_correlation::{NoiseProbe, Prepared, factors};
+use noise::noise_model::Elements;
+use noise::reference_noise::{high_frequency, rounding};
+use noise::uncertainty::{NodalSpread, NoiseGain, displacement_in_middle, spread_of};
+use prepare::finest::{Finest, finest_level};
+use prepare::gradient_noise::{
+    AssumedNoise, LEAST_SHARE_OF_VARIANCE, OfElement, diagonal_with_noise, gradient_sums, mass_matrix, without_noise,
+};
+use prepare::level::{Level, coarser, support, support_of};
+use prepare::own::{Changed, Own};
+use prepare::texture::{
+    SeenByNode, find_faults, find_least_determined, find_undetermined, lost_in_noise, seen_by_nodes,
+};
+use prior::border::bare_borders;
+use prior::filled::{affine, continue_field, fill_field};
+use prior::outliers::replace_outliers;
+use prior::regularisation::{PenaltyScale, Regulariser, upper_pairs};
+use prior::splines::{KNOT_ELEMENTS, noise_of_values, splines};
+use result::correlation::rigid;
+use result::point_values::PointValuesOf;
+use result::settled::{Iterated, Settled};
+use solve::iterate::{Enough, Limits, Outcome, SLOW, TOO_SLOW, Turn, WILD_ELEMENTS, iterate, nothing};
+use solve::light::{Light, Seen, is_suspected};
+use solve::pace::Pace;
+use start::features::{Features, Pair};
+use start::find::{LEAST_INSIDE, score};
+use start::initial::numbers;
+use start::patch::Patch;
+use start::period::{periods, transpose};
+use start::search::{Match, Motion, draws, first_motion, fit, motions};
+use start::wide_search::wide_motions;

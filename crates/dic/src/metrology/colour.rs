@@ -10,8 +10,7 @@ const BINS: usize = 32;
 /// Pixels without which a bin says nothing.
 const LEAST_PIXELS: usize = 100;
 
-/// Variance of the noise of one image, `a + b grey`, from the residuals of static images; `grey` in the scale of the
-/// images.
+/// Variance of the noise of one image, `a + b grey`, `grey` in its scale, from the residuals of static images.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PhotonFit {
     /// Variance of black, grey levels squared.
@@ -34,8 +33,7 @@ impl PhotonFit {
 /// Correlation of the noise from pixel to pixel, from the residuals of static images.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct NoiseCorrelation {
-    /// Normalised autocorrelation of the residual at 0 to 4 px along x, less what the interpolation of white noise
-    /// leaves.
+    /// Normalised autocorrelation of the residual at 0 to 4 px along x, less that of interpolated white noise.
     pub along_x: [f64; LAGS + 1],
     /// The same along y.
     pub along_y: [f64; LAGS + 1],
@@ -46,7 +44,6 @@ pub struct NoiseCorrelation {
 }
 
 /// Squared residuals by grey level.
-#[derive(Debug, Clone)]
 pub(super) struct ByGrey {
     low: f64,
     width: f64,
@@ -118,8 +115,7 @@ pub(super) struct Products {
 }
 
 impl Products {
-    /// Adds the residuals of a rectangle, row by row, whose deformed image is displaced by `u` and multiplied by
-    /// `gain`.
+    /// Adds the residuals of a rectangle, row by row, whose deformed image is displaced by `u` and has this `gain`.
     pub fn add(
         &mut self,
         residual: &[Option<f64>],

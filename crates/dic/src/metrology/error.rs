@@ -3,6 +3,7 @@
 use crate::correlate::CorrelationError;
 use crate::field::Status;
 use crate::imaging::ImageError;
+use crate::mesh::Roi;
 use thiserror::Error;
 
 /// Why nothing can be said about the images.
@@ -30,55 +31,31 @@ pub enum MetrologyError {
     },
     /// Two elements of this size side by side do not fit the zone.
     #[error(
-        "elements of {size} px do not fit two by two into the {width} x {height} px that are looked at \
-         (the region less a band of 18 px at the image border); enlarge the region or choose smaller elements"
+        "elements of {size} px do not fit two by two into the {} px that are looked at \
+         (the region less a band of 18 px at the image border); enlarge the region or choose smaller elements",
+        by(zone)
     )]
     ElementTooLarge {
         /// What was asked for, px.
         size: usize,
-        /// Width of the zone, px.
-        width: usize,
-        /// Height of the zone, px.
-        height: usize,
+        /// Width and height of the zone, px.
+        zone: [usize; 2],
     },
     /// The region is not a rectangle.
-    #[error("the region ({x0}, {y0}) to ({x1}, {y1}) px is not a rectangle; give x0 < x1 and y0 < y1")]
-    NotARectangle {
-        /// Left edge, px.
-        x0: f64,
-        /// Upper edge, px.
-        y0: f64,
-        /// Right edge, px.
-        x1: f64,
-        /// Lower edge, px.
-        y1: f64,
-    },
-    /// The region reaches beyond the image.
-    #[error("the region ({x0}, {y0}) to ({x1}, {y1}) px reaches outside the image of {width} x {height} px")]
-    OutsideImage {
-        /// Left edge, px.
-        x0: f64,
-        /// Upper edge, px.
-        y0: f64,
-        /// Right edge, px.
-        x1: f64,
-        /// Lower edge, px.
-        y1: f64,
-        /// Image columns.
-        width: usize,
-        /// Image rows.
-        height: usize,
-    },
+    #[error("the region {} is not a rectangle; give x0 < x1 and y0 < y1", corners(.0))]
+    NotARectangle(Roi),
+    /// The region reaches beyond the image, of these columns and rows.
+    #[error("the region {} reaches outside the image of {} px", corners(.0), by(.1))]
+    OutsideImage(Roi, [usize; 2]),
     /// Too few pixels.
     #[error(
-        "the region holds {width} x {height} px of the image; at least {least} x {least} px are needed \
-         (18 px on every side if it ends at the image border)"
+        "the region holds {} px of the image; at least {least} x {least} px are needed \
+         (18 px on every side if it ends at the image border)",
+        by(size)
     )]
     TooSmall {
-        /// Its columns in the image.
-        width: usize,
-        /// Its rows.
-        height: usize,
+        /// Its columns and rows in the image.
+        size: [usize; 2],
         /// The least, px.
         least: usize,
     },
@@ -90,35 +67,25 @@ pub enum MetrologyError {
     },
     /// The gradients along an axis can be explained by the noise.
     #[error(
-        "the region holds nothing but noise of {sigma_grey:.2} grey levels along x or y: no texture is left to \
+        "the region holds nothing but noise of {0:.2} grey levels along x or y: no texture is left to \
          measure on; check the focus and the region, or --noise if it was given"
     )]
-    OnlyNoise {
-        /// The noise, grey levels.
-        sigma_grey: f64,
-    },
+    OnlyNoise(f64),
     /// A static image of another size.
-    #[error("{name}: the image is {width} x {height} px, the reference {reference_width} x {reference_height} px")]
+    #[error("{name}: the image is {} px, the reference {} px", by(size), by(reference))]
     StaticSize {
         /// The image.
         name: String,
-        /// Its columns.
-        width: usize,
-        /// Its rows.
-        height: usize,
-        /// Columns of the reference.
-        reference_width: usize,
-        /// Rows of the reference.
-        reference_height: usize,
+        /// Its columns and rows.
+        size: [usize; 2],
+        /// Those of the reference.
+        reference: [usize; 2],
     },
     /// A static image that is the reference once more.
     #[error(
-        "{name}: has the same pixels as the reference, so it says nothing about noise; give another image of the specimen at rest"
+        "{0}: has the same pixels as the reference, so it says nothing about noise; give another image of the specimen at rest"
     )]
-    StaticIsReference {
-        /// The image.
-        name: String,
-    },
+    StaticIsReference(String),
     /// A static image without contrast.
     #[error("{name}: every pixel of the region has the grey level {grey}: this is not an image of the specimen")]
     StaticConstant {
@@ -141,4 +108,12 @@ pub enum MetrologyError {
     /// A copy of the image cannot be made.
     #[error("a copy of the image cannot be made")]
     Image(#[from] ImageError),
+}
+
+fn by([width, height]: &[usize; 2]) -> String {
+    format!("{width} x {height}")
+}
+
+fn corners(Roi { x0, y0, x1, y1 }: &Roi) -> String {
+    format!("({x0}, {y0}) to ({x1}, {y1}) px")
 }

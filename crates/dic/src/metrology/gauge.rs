@@ -29,11 +29,9 @@ pub struct StrainGauge {
     pub window_nodes: usize,
     /// Its length, px: [`StrainWindow::gauge_length`].
     pub gauge_length_px: f64,
-    /// Standard deviation of exx, eyy and exy at rest, of windows without nodes on the edge of the zone. `None` where
-    /// too few of them fit, or nothing converged.
+    /// Standard deviation of exx, eyy and exy at rest, off the edge of the zone; `None` if too few fit or converged.
     pub noise_measured: Option<[f64; 3]>,
-    /// Statistical uncertainty of that, per cent: `100 / sqrt(2 n)`, with the gauges that fit beside each other, over
-    /// all pairs.
+    /// Statistical uncertainty of that, per cent: `100 / sqrt(2 n)`, of gauges side by side in all pairs.
     pub statistical_percent: Option<f64>,
     /// The same as `correlate --strain-window` would predict it inside a zone. `None` when no node is left.
     pub noise_predicted: Option<[f64; 3]>,
@@ -53,7 +51,6 @@ pub struct StrainGauges {
 }
 
 /// The windows of a study: none, for the element itself, and those over nodes.
-#[derive(Debug, Clone)]
 pub(super) struct Windows {
     list: Vec<Option<StrainWindow>>,
     /// Of each: `sigma_exx l / sigma_ux` inside a zone, and the periods resolved, in element sizes.
@@ -78,8 +75,7 @@ impl Windows {
         Self { figures: figures.collect(), list, asked: asked.is_some() }
     }
 
-    /// The gauges on elements of `size` px, in a zone with `least` nodes along its shorter side, whose inner nodes have
-    /// the standard uncertainty `sigma_px`.
+    /// The gauges on elements of `size` px, `least` nodes along a side, with inner uncertainty `sigma_px`.
     pub fn gauges(&self, size: usize, least: usize, sigma_px: Option<[f64; 2]>, found: &Sums) -> Vec<StrainGauge> {
         let side = size as f64;
         let gauge = |k: usize| {
@@ -121,17 +117,8 @@ impl Sum {
 pub(super) struct Sums(Vec<Sum>);
 
 impl Sums {
-    /// Adds a pair whose mean strain is known to be none.
-    pub fn add_copy(&mut self, windows: &Windows, field: &Measurement<Px>) {
-        self.add(windows, field, false);
-    }
-
-    /// Adds a pair at rest about its own mean: the specimen may have grown warmer.
-    pub fn add_still(&mut self, windows: &Windows, field: &Measurement<Px>) {
-        self.add(windows, field, true);
-    }
-
-    fn add(&mut self, windows: &Windows, field: &Measurement<Px>, about_mean: bool) {
+    /// Adds a pair whose mean strain is known to be none, or one `about_mean`: a specimen at rest may have grown warmer.
+    pub fn add(&mut self, windows: &Windows, field: &Measurement<Px>, about_mean: bool) {
         self.0.resize(windows.list.len(), Sum::default());
         let grid = Lattice::new(field);
         for (sum, &window) in self.0.iter_mut().zip(&windows.list) {
@@ -158,8 +145,7 @@ pub(super) struct Lattice {
     n: [usize; 2],
     /// Column and row of each node.
     places: Vec<[usize; 2]>,
-    /// How many nodes that are not measured stand in the columns and rows before: one more of both than there are
-    /// nodes.
+    /// Nodes not measured in the columns and rows before: one more of both than there are nodes.
     missing: Vec<usize>,
 }
 

@@ -1,12 +1,9 @@
-//! What can be measured on the user's own images: noise, texture, uncertainty and resolution against
-//! element size, bias, and the element size that follows from them.
+//! What can be measured on the user's images: noise, texture, uncertainty, resolution, and the element size for them.
 //!
-//! Everything is measured with the correlation itself, on copies of the reference image that are moved by
-//! known amounts without interpolation, with noise added. `docs/metrology.md` says how, and what it does
-//! not show.
+//! Everything is measured with the correlation itself, on noisy copies of the reference image that are moved by known
+//! amounts without interpolation. `docs/metrology.md` says how, and what it does not show.
 
 mod advice;
-mod at_rest;
 mod colour;
 mod error;
 mod gauge;
@@ -38,7 +35,7 @@ use rayon::prelude::*;
 use region::Region;
 use serde::Serialize;
 use std::sync::Arc;
-use trials::Trials;
+use trials::{Trials, with_texture};
 use wave::WavePicture;
 
 /// Element sizes that are tried unless others are asked for, px.
@@ -68,8 +65,7 @@ pub struct Options {
     pub target_sigma_px: f64,
     /// Period that the recommended elements resolve at 90 %, px, if one is asked for.
     pub resolve_period_px: Option<f64>,
-    /// Windows of the study of virtual strain gauges, beside the element; `None` for those of [`STRAIN_WINDOWS`] that
-    /// fit.
+    /// Windows of virtual strain gauges, beside the element; `None` for those of [`STRAIN_WINDOWS`] that fit.
     pub strain_windows: Option<Vec<StrainWindow>>,
     /// Seed of the noise that is added.
     pub seed: u64,
@@ -101,13 +97,11 @@ pub struct SizeResult {
     pub refused_percent: f64,
     /// Standard uncertainty of an inner node by the formula `sqrt(6) sigma / (l g)`, along x and y, px.
     pub sigma_formula_px: [f64; 2],
-    /// The same as `correlate` would predict it for this image: root mean square over the inner nodes.
-    /// `None` when no node is left.
+    /// The same as `correlate` would predict it: root mean square over the inner nodes; `None` without any.
     pub sigma_predicted_px: Option<[f64; 2]>,
     /// Measured on displaced copies with noise; `None` when nothing converged.
     pub measured: Option<Scatter>,
-    /// Standard uncertainty of exx and eyy at the centre of an element by the formula
-    /// `2.36 sigma / (l^2 g)`.
+    /// Standard uncertainty of exx and eyy at the centre of an element, `2.36 sigma / (l^2 g)`.
     pub strain_sigma_formula: [f64; 2],
     /// Period resolved at 90 % by theory: best, averaged over phase, worst, px.
     pub period_theory_px: [f64; 3],
@@ -159,39 +153,36 @@ pub struct Look {
     pub texture: TextureFigures,
 }
 
-/// Noise and texture of `reference` within `roi` (the whole image if `None`), as [`measure`] finds them without static
-/// images.
+/// Noise and texture of `reference` within `roi` (else all of it), as [`measure`] finds them without static images.
 ///
 /// # Errors
 /// A region that does not fit the image, or without texture.
 pub fn look(reference: &Arc<Image>, roi: Option<Roi>, noise: Option<f64>) -> Result<Look, MetrologyError> {
-    let region = Region::new(reference, roi)?;
-    let part = region.cut(reference);
-    if part.is_constant() {
-        return Err(MetrologyError::Constant { grey: part.grey(0, 0) });
-    }
+    let (region, part) = cut_out(reference, roi)?;
     let noise = noise::noise(reference, &[], noise, &region)?;
     let texture = TextureFigures::new(&part, &region, noise.in_reference());
     Ok(Look { noise, texture })
 }
 
+/// What is looked at of `reference`, which has some contrast.
+fn cut_out(reference: &Image, roi: Option<Roi>) -> Result<(Region, Arc<Image>), MetrologyError> {
+    let region = Region::new(reference, roi)?;
+    let part = region.cut(reference);
+    if part.is_constant() { Err(MetrologyError::Constant { grey: part.grey(0, 0) }) } else { Ok((region, part)) }
+}
+
 /// Measures what can be measured on `reference`, with the noise of `stills` where there are any.
 ///
 /// # Errors
-/// Options or a region that do not fit the image; an image without texture; static images that are of
-/// another size, the reference itself, or cannot be brought to match it.
+/// Options or a region that do not fit; no texture; static images of another size, equal, or that do not match.
 pub fn measure(reference: &Arc<Image>, stills: &[Still], options: &Options) -> Result<Metrology, MetrologyError> {
     check(options)?;
-    let region = Region::new(reference, options.roi)?;
-    let part = region.cut(reference);
-    if part.is_constant() {
-        return Err(MetrologyError::Constant { grey: part.grey(0, 0) });
-    }
+    let (region, part) = cut_out(reference, options.roi)?;
     let sizes = sizes(options, &region)?;
     let noise = noise::noise(reference, stills, options.noise, &region)?;
     let texture = TextureFigures::new(&part, &region, noise.in_reference());
     if texture.weaker_gradient() <= 0.0 {
-        return Err(MetrologyError::OnlyNoise { sigma_grey: noise.sigma_grey });
+        return Err(MetrologyError::OnlyNoise(noise.sigma_grey));
     }
     let picture = WavePicture::new(&part, noise.in_reference());
     let interpolation = options.interpolation;
@@ -223,7 +214,7 @@ fn strain_gauges(
     results: &[SizeResult],
     on_copies: Vec<gauge::Sums>,
 ) -> Result<StrainGauges, MetrologyError> {
-    let [x0, y0, x1, y1] = trials.region.zone();
+    let [x0, y0, x1, y1] = trials.region.zone;
     let gauges = |result: &SizeResult, sigma, found: &gauge::Sums| {
         let size = result.element_size_px;
         windows.gauges(size, (x1 - x0).min(y1 - y0) / size + 1, sigma, found)
@@ -235,7 +226,7 @@ fn strain_gauges(
     }
     let stills: Vec<Arc<Image>> = stills.iter().map(|still| trials.region.cut(&still.image)).collect();
     let of_size = |result: &SizeResult| {
-        let (found, sigma) = at_rest::at_rest(trials, part, &stills, windows, result.element_size_px)?;
+        let (found, sigma) = trials.at_rest(part, &stills, windows, result.element_size_px)?;
         Ok(gauges(result, sigma, &found))
     };
     let by_size: Vec<Vec<StrainGauge>> = results.par_iter().map(of_size).collect::<Result<_, MetrologyError>>()?;
@@ -245,23 +236,20 @@ fn strain_gauges(
 fn check(options: &Options) -> Result<(), MetrologyError> {
     let positive = |v: f64| v.is_finite() && v > 0.0;
     let fault = |name, value: f64, wanted| Err(MetrologyError::Option { name, value: value.to_string(), wanted });
-    if let Some(noise) = options.noise
-        && !positive(noise)
-    {
-        return fault("the noise", noise, "a positive standard deviation in grey levels");
-    }
-    if !positive(options.target_sigma_px) {
-        return fault("the target uncertainty", options.target_sigma_px, "a positive number of pixels");
-    }
-    match options.resolve_period_px {
-        Some(period) if !positive(period) => fault("the period to resolve", period, "a positive number of pixels"),
+    let pixels = "a positive number of pixels";
+    match (options.noise, options.target_sigma_px, options.resolve_period_px) {
+        (Some(noise), ..) if !positive(noise) => {
+            fault("the noise", noise, "a positive standard deviation in grey levels")
+        }
+        (_, target, _) if !positive(target) => fault("the target uncertainty", target, pixels),
+        (.., Some(period)) if !positive(period) => fault("the period to resolve", period, pixels),
         _ => Ok(()),
     }
 }
 
 /// The element sizes, rising, each once.
 fn sizes(options: &Options, region: &Region) -> Result<Vec<usize>, MetrologyError> {
-    let [x0, y0, x1, y1] = region.zone();
+    let [x0, y0, x1, y1] = region.zone;
     let Some(asked) = &options.element_sizes else {
         return Ok(ELEMENT_SIZES.into_iter().filter(|&size| region.fits(size)).collect());
     };
@@ -276,7 +264,7 @@ fn sizes(options: &Options, region: &Region) -> Result<Vec<usize>, MetrologyErro
             return Err(MetrologyError::ElementSize { size });
         }
         if !region.fits(size) {
-            return Err(MetrologyError::ElementTooLarge { size, width: x1 - x0, height: y1 - y0 });
+            return Err(MetrologyError::ElementTooLarge { size, zone: [x1 - x0, y1 - y0] });
         }
     }
     Ok(sizes)
@@ -291,7 +279,7 @@ fn size_result(
 ) -> Result<SizeResult, MetrologyError> {
     let sigma = trials.noise;
     let side = size as f64;
-    let [x0, y0, x1, y1] = trials.region.zone();
+    let [x0, y0, x1, y1] = trials.region.zone;
     let mut result = SizeResult {
         element_size_px: size,
         n_nodes: ((x1 - x0) / size + 1) * ((y1 - y0) / size + 1),
@@ -304,14 +292,10 @@ fn size_result(
         period_measured: None,
         sigma_times_period_px2: None,
     };
-    match trials.correlator(part, size, trials.interpolation, sigma) {
-        Ok(correlator) => {
-            result.refused_percent = 100.0 * correlator.dropped().len() as f64 / result.n_nodes as f64;
-            result.sigma_predicted_px = trials::predicted(&correlator, sigma);
-            result.period_measured = Some(trials.resolved(size)?);
-        }
-        Err(CorrelationError::Textureless | CorrelationError::NoTexture { .. }) => {}
-        Err(error) => return Err(error.into()),
+    if let Some(correlator) = with_texture(trials.correlator(part, size, trials.interpolation, sigma))? {
+        result.refused_percent = 100.0 * correlator.dropped().len() as f64 / result.n_nodes as f64;
+        result.sigma_predicted_px = trials::predicted(&correlator, sigma);
+        result.period_measured = Some(trials.resolved(size)?);
     }
     let period = result.period_measured.and_then(|periods| periods.averaged_px);
     result.sigma_times_period_px2 = result.sigma_px().zip(period).map(|(sigma, period)| sigma * period);
@@ -328,7 +312,7 @@ fn bias_size(results: &[SizeResult], texture: &TextureFigures) -> usize {
 
 /// Grey levels of the zone, sorted.
 fn grey_levels(image: &Image, region: &Region) -> Vec<f32> {
-    let [x0, y0, x1, y1] = region.zone();
+    let [x0, y0, x1, y1] = region.zone;
     let mut greys: Vec<f32> = (y0..y1).flat_map(|y| (x0..x1).map(move |x| image.grey(x, y))).collect();
     greys.sort_by(f32::total_cmp);
     greys

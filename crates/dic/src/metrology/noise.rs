@@ -8,9 +8,10 @@ use super::wave::WavePicture;
 use super::{MetrologyError, Still, grey_levels};
 use crate::backend::cpu::CpuBackend;
 use crate::correlate::{Correlator, Options as CorrelateOptions, assumed_noise};
-use crate::field::Status;
+use crate::field::{Measurement, Status};
 use crate::imaging::{Image, Interpolation, Levels};
 use crate::mesh::shape_functions;
+use crate::units::Px;
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -39,8 +40,7 @@ pub struct Noise {
     pub assumed_by_correlate_grey: f64,
     /// Each static image against the reference.
     pub pairs: Vec<StaticPair>,
-    /// Noise of dark, middle and bright pixels: of three equal parts of the range of grey levels. Empty
-    /// unless measured.
+    /// Noise in three equal parts of the range of grey levels, dark to bright. Empty unless measured.
     pub by_grey: Vec<GreyNoise>,
     /// How its variance rises with the grey level. `None` unless measured, on a range of grey levels.
     pub photon: Option<PhotonFit>,
@@ -53,8 +53,7 @@ pub struct Noise {
 pub struct StaticPair {
     /// The image.
     pub name: String,
-    /// Noise of one image, grey levels, after drift and change of light are undone: the root mean square of
-    /// its own and that of the reference.
+    /// Noise of one image, grey levels, without drift and change of light: root mean square of both images.
     pub sigma_grey: f64,
     /// White noise in this image is at most this.
     pub ceiling_grey: f64,
@@ -111,14 +110,13 @@ pub(super) fn noise(
     let part = region.cut(reference);
     let ceiling_grey = WavePicture::noise_ceiling(&part);
     let assumed_by_correlate_grey = assumed_noise(&part);
-    let (pairs, by_grey) = (Vec::new(), Vec::new());
     let alone = |sigma_grey, origin| Noise {
         sigma_grey,
         origin,
         ceiling_grey,
         assumed_by_correlate_grey,
-        pairs,
-        by_grey,
+        pairs: Vec::new(),
+        by_grey: Vec::new(),
         photon: None,
         correlation: None,
     };
@@ -130,14 +128,12 @@ pub(super) fn noise(
         return Ok(alone(ceiling_grey.max(rounding(&part)), Origin::Assumed));
     }
     for still in stills {
-        let (width, height) = (still.image.width(), still.image.height());
-        let (reference_width, reference_height) = (reference.width(), reference.height());
-        if (width, height) != (reference_width, reference_height) {
-            let name = still.name.clone();
-            return Err(MetrologyError::StaticSize { name, width, height, reference_width, reference_height });
+        let [size, of_reference] = [&still.image, reference].map(|image| [image.width(), image.height()]);
+        if size != of_reference {
+            return Err(MetrologyError::StaticSize { name: still.name.clone(), size, reference: of_reference });
         }
         if still.image.pixels() == reference.pixels() {
-            return Err(MetrologyError::StaticIsReference { name: still.name.clone() });
+            return Err(MetrologyError::StaticIsReference(still.name.clone()));
         }
     }
     let fitting = || DRIFT_ELEMENTS.into_iter().filter(|&size| region.fits(size));
@@ -148,9 +144,7 @@ pub(super) fn noise(
     let options =
         CorrelateOptions { element_size, interpolation, drop_textureless: true, ..CorrelateOptions::default() };
     let correlator = Correlator::new(CpuBackend::default(), part.clone(), &region.zones(), options)?;
-    let mut bins = Bins::new(&part, region);
-    let mut pairs = Vec::new();
-    let mut colours = Vec::new();
+    let (mut bins, mut pairs, mut colours) = (Bins::new(&part, region), Vec::new(), Vec::new());
     for still in stills {
         let name = still.name.clone();
         let image = region.cut(&still.image);
@@ -183,16 +177,7 @@ pub(super) fn noise(
     let factor_sigma = (n > 0.0).then(|| colours.iter().map(|(_, sigma)| sigma).sum::<f64>() / n);
     let correlation = Some(NoiseCorrelation { along_x, along_y, factor, factor_sigma });
     let (by_grey, photon) = bins.finish();
-    Ok(Noise {
-        sigma_grey,
-        origin: Origin::StaticImages,
-        ceiling_grey,
-        assumed_by_correlate_grey,
-        pairs,
-        by_grey,
-        photon,
-        correlation,
-    })
+    Ok(Noise { pairs, by_grey, photon, correlation, ..alone(sigma_grey, Origin::StaticImages) })
 }
 
 /// Noise of the rounding to whole grey levels; a trace for floats, since no image is without any.
@@ -229,7 +214,7 @@ impl Bins {
         &mut self,
         reference: &Image,
         deformed: &Image,
-        field: &crate::field::Measurement<crate::units::Px>,
+        field: &Measurement<Px>,
         gain: f64,
         offset: f64,
         interpolation: Interpolation,
@@ -262,15 +247,13 @@ impl Bins {
                     };
                     let (f, g) = (f64::from(reference.grey(x, y)), gain * g + offset);
                     residual.push(Some(f - g));
-                    // The mean of both has noise that is not correlated with their difference: sorting by
-                    // it does not select the noise.
+                    // Noise of the mean of both is not correlated with their difference: it does not select the noise.
                     let grey = 0.5 * (f + g);
                     self.fine.add(grey, (f - g).powi(2) * by_variance);
-                    let Some(bin) = (0..3).find(|&k| grey >= self.edges[k] && grey < self.edges[k + 1]) else {
-                        continue;
-                    };
-                    self.sum[bin] += (f - g).powi(2) * by_variance;
-                    self.n[bin] += 1;
+                    if let Some(bin) = (0..3).find(|&k| grey >= self.edges[k] && grey < self.edges[k + 1]) {
+                        self.sum[bin] += (f - g).powi(2) * by_variance;
+                        self.n[bin] += 1;
+                    }
                 }
             }
             self.products.add(&residual, columns.len(), middle, gain, interpolation);

@@ -2,8 +2,7 @@
 
 use crate::imaging::{Image, Interpolation};
 
-/// Distance from the border, px, at which the spline does not feel how the image is continued there:
-/// 0.43 per pixel leaves 4e-5.
+/// Distance from the border, px, beyond which its continuation is not felt: 0.43 per pixel leaves 4e-5.
 const REACH: f64 = 12.0;
 
 /// The spline through the grey levels of an image.
@@ -47,8 +46,7 @@ impl Spline {
     }
 }
 
-/// The recursive filter of one pole, there and back, over the `n` values at `place(0..n)`. The end is
-/// continued as if constant, which only pixels nearer than [`REACH`] feel.
+/// The recursive filter of one pole, there and back, over the `n` values at `place(0..n)`; the end goes on as constant.
 fn filter(pole: f64, n: usize, place: impl Fn(usize) -> usize, values: &mut [f64]) {
     let gain = (1.0 - pole) * (1.0 - 1.0 / pole);
     let by_sum = 1.0 / (1.0 - pole);

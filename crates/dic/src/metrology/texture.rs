@@ -8,8 +8,7 @@ use serde::Serialize;
 /// Texture of the zone.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TextureFigures {
-    /// Root mean square of the gradient along x and y of the cubic spline through the grey levels, without
-    /// what noise adds, grey levels per px.
+    /// Root mean square gradient along x and y of the cubic spline, less what noise adds, grey levels per px.
     pub gradient_grey_per_px: [f64; 2],
     /// The same with the noise in it: what the correlation sees.
     pub gradient_with_noise_grey_per_px: [f64; 2],
@@ -22,8 +21,7 @@ pub struct TextureFigures {
     pub percentiles_grey: [f64; 2],
     /// Smallest and largest grey level.
     pub range_grey: [f64; 2],
-    /// Distance of the percentiles in per cent of all grey levels of an 8 or 16 bit image; `None` for
-    /// floats, and for 16 bit images that hold fewer bits.
+    /// Distance of the percentiles in per cent of 8 or 16 bits; `None` for floats, and 16 bits that hold fewer.
     pub range_used_percent: Option<f64>,
     /// Pixels that are saturated, in per cent: at the dark and at the bright end.
     pub saturated_percent: [f64; 2],
@@ -92,7 +90,7 @@ fn without(of_noise: f64, square: f64) -> f64 {
 /// The slope of the cubic spline is a sum over both sides of a pixel whose weights fall by its pole:
 /// `s'(0) = sum_k w_k (f_k - f_-k)`, since its symbol is `3 i sin t / (2 + cos t)`.
 fn gradient_squares(image: &Image, region: &Region) -> [f64; 2] {
-    let [x0, y0, x1, y1] = region.zone();
+    let [x0, y0, x1, y1] = region.zone;
     let pole = Interpolation::Cubic.poles()[0];
     let series = |k: usize| pole.powi(k as i32) / 3f64.sqrt();
     let weights: [f64; TAPS] = std::array::from_fn(|k| 1.5 * (series(k) - series(k + 2)));
@@ -104,9 +102,7 @@ fn gradient_squares(image: &Image, region: &Region) -> [f64; 2] {
                 slope[0] += weight * f64::from(image.grey(x + k, y) - image.grey(x - k, y));
                 slope[1] += weight * f64::from(image.grey(x, y + k) - image.grey(x, y - k));
             }
-            for c in 0..2 {
-                sums[c] += slope[c] * slope[c];
-            }
+            (0..2).for_each(|c| sums[c] += slope[c] * slope[c]);
             n += 1;
         }
     }
@@ -115,7 +111,7 @@ fn gradient_squares(image: &Image, region: &Region) -> [f64; 2] {
 
 /// Widths of the autocorrelation along x and y: medians over the squares that have texture.
 fn speckles(image: &Image, region: &Region, noise: f64) -> [Option<f64>; 2] {
-    let [x0, y0, x1, y1] = region.zone();
+    let [x0, y0, x1, y1] = region.zone;
     let cuts = |low: usize, high: usize| -> Vec<usize> {
         let n = ((high - low) / SQUARE).max(1);
         (0..=n).map(|k| low + k * (high - low) / n).collect()
@@ -172,9 +168,8 @@ fn full_width(peak: f64, covariance: &[f64]) -> Option<f64> {
     Some(2.0 * (at as f64 + (before - 0.5 * peak) / (before - covariance[at])))
 }
 
-/// Per cent of the pixels at the first grey level of a sorted list, if they are saturated: that level is
-/// the end of an integer scale (0, 255, 1023, 4095, 16383, 65535), or it holds so many more pixels than
-/// those next to it that something cut them off.
+/// Per cent of the pixels at the first grey level of a sorted list, if that is an end of an integer scale (0, 255,
+/// 1023, 4095, 16383, 65535), or holds so many more pixels than those next to it that something cut them off.
 fn saturated(mut levels: impl Iterator<Item = f32>) -> f64 {
     const ENDS: [f32; 6] = [0.0, 255.0, 1023.0, 4095.0, 16383.0, 65535.0];
     /// Occupied levels that are compared.

@@ -21,8 +21,7 @@ impl Crest {
     /// The three cases, best first.
     pub const ALL: [Self; 3] = [Crest::AtNode, Crest::Averaged, Crest::AtMiddle];
 
-    /// What the amplitude of the nodal values becomes at such a crest, for a wave of `period_by_size`
-    /// element sizes: bilinear elements join the nodal values by straight lines.
+    /// What the amplitude of nodal values becomes at such a crest: bilinear elements join them by straight lines.
     pub(super) fn by_node(self, period_by_size: f64) -> f64 {
         let half = PI / period_by_size;
         match self {
@@ -50,9 +49,8 @@ fn sinc(x: f64) -> f64 {
 
 /// Share of its amplitude that a displacement wave of `period_by_size` element sizes keeps in Q4 elements.
 ///
-/// The least-squares field of linear elements has the nodal values
-/// `sinc^2(k l / 2) 3 / (2 + cos k l)` times those of the wave, with `k = 2 pi / period`; they overshoot up
-/// to 1.44 times near 2.5 sizes. Between the nodes the field is straight.
+/// The least-squares field of linear elements has the nodal values `sinc^2(k l / 2) 3 / (2 + cos k l)` times those of
+/// the wave, `k = 2 pi / period` (up to 1.44 near 2.5 sizes), and is straight between them.
 ///
 /// ```
 /// # use quadrille_dic as quadrille;
@@ -80,8 +78,7 @@ pub fn strain_wave_gain(window: Option<StrainWindow>, across: bool, period_by_si
     wave_gain(Crest::AtNode, period_by_size) * operator
 }
 
-/// Shortest period, in element sizes, from which on waves of strain keep 90 % of their amplitude
-/// ([`strain_wave_gain`]).
+/// Shortest period, in element sizes, from which on strain waves keep 90 % ([`strain_wave_gain`]).
 ///
 /// ```
 /// # use quadrille_dic as quadrille;
@@ -105,9 +102,8 @@ pub fn strain_period_by_size(window: Option<StrainWindow>, across: bool) -> f64 
     high
 }
 
-/// Standard uncertainty of the displacement of an inner node, px: `sqrt(6) sigma / (l g)`, with noise
-/// `sigma_grey` in both images, elements of `size_px` and rms gradient `gradient` (grey levels per px)
-/// along the component.
+/// Standard uncertainty of an inner node's displacement, px: `sqrt(6) sigma / (l g)`, with noise `sigma_grey` in both
+/// images, elements of `size_px` and the rms `gradient` (grey levels per px) along the component.
 pub fn displacement_sigma_px(sigma_grey: f64, size_px: f64, gradient: f64) -> f64 {
     6f64.sqrt() * sigma_grey / (size_px * gradient)
 }

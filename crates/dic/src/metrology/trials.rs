@@ -1,7 +1,7 @@
 //! Correlations of the user's own image with copies of it that are moved exactly.
 
 use super::MetrologyError;
-use super::gauge::{Sums as GaugeSums, Windows};
+use super::gauge::{Lattice, Sums as GaugeSums, Windows};
 use super::region::Region;
 use super::theory::{Crest, RESOLVED};
 use super::wave::{WavePicture, with_noise};
@@ -19,8 +19,7 @@ use std::sync::Arc;
 
 /// Displacements of the copies, px: none is a whole pixel, none is half of one along both axes.
 const SHIFTS: [[f64; 2]; 4] = [[0.21, 0.37], [0.5, 0.13], [0.67, 0.79], [0.88, 0.5]];
-/// Pairs with independent noise: until there are this many values (standard deviation good to 1 %), at most
-/// as many pairs as there is time for.
+/// Pairs with independent noise: up to this many values (1 % of the standard deviation), as far as time allows.
 const ENOUGH_VALUES: f64 = 5000.0;
 const MOST_PAIRS: usize = 32;
 const PIXELS_OF_PAIRS: usize = 8 << 20;
@@ -39,9 +38,20 @@ const PERIODS: [(Crest, &[f64]); 3] = [
 /// Largest amplitude of the waves, px, and largest share of their period: a shear of 0.06.
 const AMPLITUDE_PX: f64 = 0.5;
 const AMPLITUDE_BY_PERIOD: f64 = 0.01;
+/// Static images that are correlated with every element size, at most.
+const MOST_STILLS: usize = 8;
 /// Rows of nodes at either edge of the zone that do not count, and rows that must be left.
 const EDGE_ROWS: usize = 2;
 const LEAST_ROWS: usize = 4;
+
+/// What was made of a reference, unless it has no texture.
+pub(super) fn with_texture<T>(made: Result<T, CorrelationError>) -> Result<Option<T>, MetrologyError> {
+    match made {
+        Ok(made) => Ok(Some(made)),
+        Err(CorrelationError::Textureless | CorrelationError::NoTexture { .. }) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
+}
 
 /// The picture that trials are made of: the user's image, its noise taken off.
 pub(super) struct Trials<'a> {
@@ -170,17 +180,13 @@ impl Sums {
     }
 }
 
-/// Where a node stands: how many of the zone's four edges it is on.
-fn n_edges(mesh: &Mesh<Px>, node: usize, ends: [[f64; 2]; 2]) -> usize {
-    let x = mesh.nodes()[node];
-    (0..2).map(|k| usize::from(x[k] == ends[0][k]) + usize::from(x[k] == ends[1][k])).sum()
-}
-
-/// Corners of the box around the nodes.
-fn ends(mesh: &Mesh<Px>) -> [[f64; 2]; 2] {
+/// How many of the zone's four edges each node is on.
+fn edges(mesh: &Mesh<Px>) -> Vec<usize> {
     let fold =
         |start: f64, pick: fn(f64, f64) -> f64| [0, 1].map(|k| mesh.nodes().iter().map(|x| x[k]).fold(start, pick));
-    [fold(f64::INFINITY, f64::min), fold(f64::NEG_INFINITY, f64::max)]
+    let (low, high) = (fold(f64::INFINITY, f64::min), fold(f64::NEG_INFINITY, f64::max));
+    let of_node = |x: &[f64; 2]| (0..2).map(|k| usize::from(x[k] == low[k]) + usize::from(x[k] == high[k])).sum();
+    mesh.nodes().iter().map(of_node).collect()
 }
 
 impl Trials<'_> {
@@ -212,18 +218,17 @@ impl Trials<'_> {
     }
 
     fn image(&self, greys: &[f32], noise: f64, seed: u64) -> Result<Arc<Image>, MetrologyError> {
-        Ok(with_noise(greys, self.region.size()[0], noise, seed)?)
+        Ok(with_noise(greys, self.region.size[0], noise, seed)?)
     }
 
-    /// The scatter for each element size; `None` where nothing converged, or no node is inside. And that of the strains
-    /// over `windows`, if it is to be measured here.
+    /// The scatter for each size, `None` without a converged inner node; and that of strains over `windows`, if given.
     pub fn scatter(
         &self,
         sizes: &[usize],
         windows: Option<&Windows>,
         seed: u64,
     ) -> Result<Vec<(Option<Scatter>, GaugeSums)>, MetrologyError> {
-        let [width, height] = self.region.size();
+        let [width, height] = self.region.size;
         let most_pairs = (PIXELS_OF_PAIRS / (width * height)).clamp(2 * SHIFTS.len(), MOST_PAIRS);
         let rest = self.picture.at_rest();
         let moved = SHIFTS.map(|shift| self.picture.moved(shift));
@@ -238,44 +243,65 @@ impl Trials<'_> {
             let deformed = self.image(&moved[which], self.noise, own.wrapping_add(1))?;
             found.par_iter_mut().zip(sizes).filter(|(sums, _)| !sums.done(pair)).try_for_each(|(sums, &size)| {
                 sums.n_pairs += 1;
-                let result = match self.correlator(&reference, size, self.interpolation, self.noise) {
-                    Ok(correlator) => Self::solve(&correlator, deformed.clone())?,
-                    // With this noise no node is left: a pair without result.
-                    Err(CorrelationError::Textureless | CorrelationError::NoTexture { .. }) => None,
-                    Err(error) => return Err(MetrologyError::from(error)),
+                // With this noise there may be no node left: a pair without result.
+                let result = match with_texture(self.correlator(&reference, size, self.interpolation, self.noise))? {
+                    Some(correlator) => Self::solve(&correlator, deformed.clone())?,
+                    None => None,
                 };
                 match result {
                     Some(result) => {
                         add_errors(&result, SHIFTS[which], &mut sums.by_shift[which]);
                         if let Some(windows) = windows {
-                            sums.gauges.add_copy(windows, &result.measurement);
+                            sums.gauges.add(windows, &result.measurement, false);
                         }
                     }
                     None => sums.n_failed += 1,
                 }
-                Ok(())
+                Ok::<_, MetrologyError>(())
             })?;
         }
         Ok(found.into_iter().map(|sums| (sums.scatter(), sums.gauges)).collect())
     }
 
+    /// The noise of strains between images at rest, with elements of `size` px; standard uncertainty of inner nodes, px.
+    pub fn at_rest(
+        &self,
+        reference: &Arc<Image>,
+        stills: &[Arc<Image>],
+        windows: &Windows,
+        size: usize,
+    ) -> Result<(GaugeSums, Option<[f64; 2]>), MetrologyError> {
+        let options = CorrelateOptions {
+            element_size: size,
+            interpolation: self.interpolation,
+            drop_textureless: true,
+            ..CorrelateOptions::default()
+        };
+        let (mut sums, mut inner) = (GaugeSums::default(), Moments::default());
+        let correlator = Correlator::new(CpuBackend::default(), reference.clone(), &self.region.zones(), options);
+        let Some(correlator) = with_texture(correlator)? else { return Ok((sums, None)) };
+        for still in stills.iter().take(MOST_STILLS) {
+            let field = correlator.correlate(still.clone(), None)?.measurement;
+            if field.status != Status::Converged {
+                continue;
+            }
+            sums.add(windows, &field, true);
+            let lattice = Lattice::new(&field);
+            (0..field.sigma.len()).filter(|&node| lattice.is_inner(node)).for_each(|node| inner.add(field.sigma[node]));
+        }
+        Ok((sums, inner.rms()))
+    }
+
     /// The bias of each interpolation with elements of `size` px, without noise.
     pub fn bias(&self, size: usize) -> Result<Vec<Bias>, MetrologyError> {
         let reference = self.image(&self.picture.at_rest(), 0.0, 0)?;
-        let mut all = Vec::new();
-        let interpolations =
-            [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys, Interpolation::Bilinear];
-        let mut correlators = Vec::new();
-        for interpolation in interpolations {
+        let (mut all, mut correlators) = (Vec::new(), Vec::new());
+        for interpolation in
+            [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys, Interpolation::Bilinear]
+        {
             correlators.push(self.correlator(&reference, size, interpolation, self.noise)?);
-            let bias = Bias {
-                interpolation,
-                shift_px: Vec::new(),
-                mean_error_px: Vec::new(),
-                largest_px: 0.0,
-                largest_rms_px: 0.0,
-            };
-            all.push(bias);
+            let (shift_px, mean_error_px) = (Vec::new(), Vec::new());
+            all.push(Bias { interpolation, shift_px, mean_error_px, largest_px: 0.0, largest_rms_px: 0.0 });
         }
         for shift in BIAS_SHIFTS {
             let deformed = self.image(&self.picture.moved([shift; 2]), 0.0, 0)?;
@@ -327,15 +353,11 @@ impl Trials<'_> {
 
 /// Root mean square over the inner nodes of what `correlate` would print, px, for images with `noise`.
 pub(super) fn predicted(correlator: &Correlator<CpuBackend>, noise: f64) -> Option<[f64; 2]> {
-    let mesh = correlator.mesh();
-    let box_ends = ends(mesh);
-    let mut dropped = vec![false; mesh.n_nodes()];
-    correlator.dropped().iter().for_each(|fault| dropped[fault.node] = true);
+    let mut is_inner: Vec<bool> = edges(correlator.mesh()).iter().map(|&edges| edges == 0).collect();
+    correlator.dropped().iter().for_each(|fault| is_inner[fault.node] = false);
     let mut sums = Moments::default();
-    for (node, sigma) in correlator.unit_sigma().into_iter().enumerate() {
-        if !dropped[node] && n_edges(mesh, node, box_ends) == 0 {
-            sums.add(sigma.map(|sigma| noise * sigma));
-        }
+    for (sigma, _) in correlator.unit_sigma().into_iter().zip(is_inner).filter(|(_, is_inner)| *is_inner) {
+        sums.add(sigma.map(|sigma| noise * sigma));
     }
     sums.rms()
 }
@@ -344,8 +366,7 @@ pub(super) fn predicted(correlator: &Correlator<CpuBackend>, noise: f64) -> Opti
 fn add_errors(result: &Correlation, exact: [f64; 2], sums: &mut [Moments; 3]) {
     let field = &result.measurement;
     let mesh = &field.mesh;
-    let box_ends = ends(mesh);
-    let edges: Vec<usize> = (0..mesh.n_nodes()).map(|node| n_edges(mesh, node, box_ends)).collect();
+    let edges = edges(mesh);
     for node in (0..mesh.n_nodes()).filter(|&node| field.measured[node] && edges[node] < 2) {
         sums[edges[node]].add([0, 1].map(|c| field.displacement[node][c] - exact[c]));
     }
@@ -366,10 +387,9 @@ fn add_errors(result: &Correlation, exact: [f64; 2], sums: &mut [Moments; 3]) {
 /// and a constant over the means of rows. `None` with too few rows.
 fn amplitude_of(result: &Correlation, period: f64) -> Option<f64> {
     let field = &result.measurement;
-    let mesh = &field.mesh;
-    let box_ends = ends(mesh);
+    let (mesh, edges) = (&field.mesh, edges(&field.mesh));
     let mut rows: Vec<(f64, f64, f64)> = Vec::new();
-    for node in (0..mesh.n_nodes()).filter(|&node| field.measured[node] && n_edges(mesh, node, box_ends) == 0) {
+    for node in (0..mesh.n_nodes()).filter(|&node| field.measured[node] && edges[node] == 0) {
         let (y, u) = (mesh.nodes()[node][1], field.displacement[node][0]);
         match rows.iter_mut().rev().find(|row| row.0 == y) {
             Some(row) => {
@@ -389,9 +409,7 @@ fn amplitude_of(result: &Correlation, period: f64) -> Option<f64> {
         let (sin, cos) = (TAU * y / period).sin_cos();
         let row = [cos, sin, 1.0, sum / n];
         for i in 0..3 {
-            for j in 0..4 {
-                matrix[i][j] += row[i] * row[j];
-            }
+            (0..4).for_each(|j| matrix[i][j] += row[i] * row[j]);
         }
     }
     solve_3(matrix).map(|[in_phase, ..]| in_phase)
@@ -405,13 +423,9 @@ fn solve_3(mut m: [[f64; 4]; 3]) -> Option<[f64; 3]> {
         if m[k][k] <= 1e-3 * largest {
             return None;
         }
-        for i in 0..3 {
-            if i != k {
-                let factor = m[i][k] / m[k][k];
-                for j in 0..4 {
-                    m[i][j] -= factor * m[k][j];
-                }
-            }
+        for i in (0..3).filter(|&i| i != k) {
+            let factor = m[i][k] / m[k][k];
+            (0..4).for_each(|j| m[i][j] -= factor * m[k][j]);
         }
     }
     Some([0, 1, 2].map(|k| m[k][3] / m[k][k]))

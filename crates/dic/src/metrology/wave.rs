@@ -46,10 +46,9 @@ fn fade(k: usize, n: usize) -> f64 {
 impl WavePicture {
     /// The waves of `image` less the white noise of standard deviation `noise` (grey levels) in it.
     ///
-    /// Noise is part of a picture as recorded and would move along with it, which real noise does not; near
-    /// the highest wave numbers that would bias every interpolation. The power of each wave is therefore
-    /// lowered by that of the noise, to zero where there is no more than noise. What is left has the
-    /// spectrum of the texture, not its exact grey levels.
+    /// Noise of a picture as recorded would move along with it, as real noise does not, and near the highest wave
+    /// numbers bias every interpolation. So the power of each wave is lowered by that of the noise, down to zero: what
+    /// is left has the spectrum of the texture, not its exact grey levels.
     pub fn new(image: &Image, noise: f64) -> Self {
         let (width, height) = (image.width(), image.height());
         let fft = Transforms { x: double(width), y: double(height) };
@@ -71,14 +70,14 @@ impl WavePicture {
                 *value = by_column[x] * by_row[y] * (f64::from(image.grey(x, y)) - mean);
             }
         });
-        picture.spectrum = picture.transform(&picture.pixels);
+        picture.spectrum = picture.transform();
         if noise > 0.0 {
             let of_noise = noise * noise * squares;
             let power = picture.smooth_power();
             for (wave, power) in picture.spectrum.iter_mut().zip(power) {
                 *wave *= (1.0 - of_noise / power.max(f64::MIN_POSITIVE)).max(0.0).sqrt();
             }
-            picture.pixels = picture.back(&picture.spectrum.clone());
+            picture.pixels = picture.back(picture.spectrum.clone());
         }
         picture
     }
@@ -101,16 +100,20 @@ impl WavePicture {
         (median / 2f64.ln() / (squares(width) * squares(height))).sqrt()
     }
 
-    fn transform(&self, pixels: &[f64]) -> Vec<Complex64> {
-        let mut rows: Vec<Complex64> = pixels.par_iter().map(|&v| Complex64::new(v, 0.0)).collect();
+    /// The waves of each row of the pixels.
+    fn rows(&self) -> Vec<Complex64> {
+        let mut rows: Vec<Complex64> = self.pixels.par_iter().map(|&v| Complex64::new(v, 0.0)).collect();
         each_row(&self.fft.x[0], self.width, &mut rows);
-        let mut columns = transposed(&rows, self.width);
+        rows
+    }
+
+    fn transform(&self) -> Vec<Complex64> {
+        let mut columns = transposed(&self.rows(), self.width);
         each_row(&self.fft.y[0], self.height, &mut columns);
         columns
     }
 
-    fn back(&self, spectrum: &[Complex64]) -> Vec<f64> {
-        let mut columns = spectrum.to_vec();
+    fn back(&self, mut columns: Vec<Complex64>) -> Vec<f64> {
         each_row(&self.fft.y[1], self.height, &mut columns);
         let mut rows = transposed(&columns, self.height);
         each_row(&self.fft.x[1], self.width, &mut rows);
@@ -141,14 +144,12 @@ impl WavePicture {
             .zip(by_x)
             .flat_map_iter(|(column, x)| column.iter().zip(&by_y).map(move |(wave, y)| wave * x * y))
             .collect();
-        self.back(&spectrum).par_iter().map(|v| (self.mean + v) as f32).collect()
+        self.back(spectrum).par_iter().map(|v| (self.mean + v) as f32).collect()
     }
 
-    /// The picture sheared: row y is moved along x by `u(y)` px. Each row is a sum of waves of its own, so
-    /// that this is as exact as a translation.
+    /// The picture sheared, row y by `u(y)` px along x: each row is a sum of waves, so that this is exact.
     pub fn sheared(&self, u: impl Fn(f64) -> f64 + Sync) -> Vec<f32> {
-        let mut rows: Vec<Complex64> = self.pixels.par_iter().map(|&v| Complex64::new(v, 0.0)).collect();
-        each_row(&self.fft.x[0], self.width, &mut rows);
+        let mut rows = self.rows();
         rows.par_chunks_mut(self.width).enumerate().for_each(|(y, row)| {
             let u = u(y as f64);
             for (k, wave) in row.iter_mut().enumerate() {
@@ -161,8 +162,7 @@ impl WavePicture {
     }
 }
 
-/// What moving by `u` px does to wave `k` of `n`: its phase lags. The wave at the Nyquist number has no
-/// sign; half goes each way, which keeps the picture real.
+/// What moving by `u` px does to wave `k` of `n`. At the Nyquist number, without sign, half goes each way: real.
 fn phase(k: usize, n: usize, u: f64) -> Complex64 {
     if 2 * k == n {
         return Complex64::new((PI * u).cos(), 0.0);

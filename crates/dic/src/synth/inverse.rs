@@ -10,8 +10,7 @@ pub(super) const TILE: usize = 32;
 /// Numbers of Chebyshev nodes per side that are tried, in this order; two are enough for affine motions.
 const ORDERS: [usize; 6] = [2, 6, 10, 16, 24, 32];
 
-/// The material points that `motion` carries to `points` of the deformed image, to about 1e-12 px; `None`
-/// where there is no body.
+/// The material points that `motion` carries to `points` of the deformed image, to 1e-12 px; `None` without a body.
 ///
 /// # Errors
 /// [`SynthError::Folded`] where the motion cannot be inverted.
@@ -34,8 +33,7 @@ fn rounding(x: [f64; 2]) -> f64 {
     3e-13 + f64::EPSILON * (x[0].abs() + x[1].abs())
 }
 
-/// Solves `v = u(x - v)` by Newton from `v`; the unknown is the displacement itself, so that a
-/// translation comes out without rounding.
+/// Solves `v = u(x - v)` by Newton from `v`, the displacement itself: a translation comes out without rounding.
 fn solve<M: Motion + ?Sized>(motion: &M, body: usize, x: [f64; 2], mut v: [f64; 2]) -> Option<[f64; 2]> {
     let mut inverse = [[0.0; 2]; 2];
     let mut before = f64::INFINITY;
@@ -72,7 +70,6 @@ fn solve<M: Motion + ?Sized>(motion: &M, body: usize, x: [f64; 2], mut v: [f64; 
 }
 
 /// Sample positions along a stretch of pixels, and the Lagrange polynomials there for every order.
-#[derive(Debug, Clone)]
 pub(super) struct Axis {
     /// Positions relative to the first pixel centre, px; padded to a multiple of [`LANES`] by repetition.
     pub positions: Vec<f64>,
@@ -80,9 +77,7 @@ pub(super) struct Axis {
     orders: Vec<Order>,
 }
 
-/// Chebyshev-Lobatto nodes and their Lagrange polynomials, as a matrix with a row for each node or with a
-/// row for each point.
-#[derive(Debug, Clone)]
+/// Chebyshev-Lobatto nodes and their Lagrange polynomials: a matrix with a row for each node, or for each point.
 struct Order {
     nodes: Vec<f64>,
     /// Distance to each node from the one before it, in terms of the distance before that.
@@ -173,10 +168,9 @@ pub(super) struct TileMap {
 impl TileMap {
     /// Inverts the motion of `body` on the tile whose first pixel is `corner`.
     ///
-    /// The inverse displacement is as smooth as the motion: it is solved at Chebyshev nodes and
-    /// interpolated between them by polynomials of an order at which the equation holds, to the rounding,
-    /// at points between the nodes. Orders from `order` on are tried, and the one used is left there.
-    /// Where none suffices every point is solved.
+    /// The inverse displacement is as smooth as the motion: it is solved at Chebyshev nodes and interpolated between
+    /// them by polynomials of an order at which the equation holds, to the rounding, at points between the nodes.
+    /// Orders from `order` on are tried, and the one used is left there. Where none suffices every point is solved.
     pub fn invert<M: Motion + ?Sized>(
         &mut self,
         motion: &M,
@@ -298,7 +292,7 @@ fn solve_at<M: Motion + ?Sized>(
     start
         .and_then(|start| solve(motion, body, x, start))
         .or_else(|| solve(motion, body, x, motion.body_displacement(body, x)))
-        .ok_or(SynthError::Folded { x: x[0], y: x[1] })
+        .ok_or(SynthError::Folded(x[0], x[1]))
 }
 
 #[cfg(test)]

@@ -1,8 +1,7 @@
 //! The two inner loops of rendering, sixteen points at a time.
 //!
-//! Positions are 32-bit fixed point relative to the patch: their differences to the blobs are exact,
-//! so that a grey level depends on the point alone, not on the tile or the group it falls into.
-//! Products and sums are kept apart (no fused multiply-add): the same bits on every processor.
+//! Positions are 32-bit fixed point relative to the patch: differences to blobs are exact, and a grey level depends on
+//! the point alone. Products and sums are kept apart (no fused multiply-add): the same bits on every processor.
 
 #![allow(unsafe_code, reason = "calls of functions compiled for instructions that were detected")]
 
@@ -105,9 +104,8 @@ fn product_body(left: &[f64], n: usize, right: &[f64], width: usize, out: &mut [
 }
 
 for_the_widest_vectors! {
-    /// From inverse displacements, less `base`, to material coordinates, on rows of `columns.len()` points
-    /// that belong to the deformed coordinates `columns` and `rows`. Returns the smallest rectangle
-    /// around the points.
+    /// From inverse displacements, less `base`, to material coordinates, on rows of `columns.len()` points at the
+    /// deformed coordinates `columns` and `rows`. Returns the smallest rectangle around the points.
     to_material = to_material_body(
         columns: &[f64], rows: &[f64], base: [f64; 2], x: &mut [f64], y: &mut [f64],
     ) -> ([f64; 2], [f64; 2])

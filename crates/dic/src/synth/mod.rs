@@ -1,8 +1,7 @@
 //! Analytic speckle images whose displacement is known exactly.
 //!
-//! No image is interpolated: a [`Texture`] has a grey level at every point of the plane, a [`Motion`]
-//! moves its points, and [`render`] integrates the moved texture over the area of each pixel. What a
-//! correlation should find is [`exact_at`].
+//! No image is interpolated: a [`Motion`] moves the points of a [`Texture`], and [`render`] integrates it over each
+//! pixel. What a correlation should find is [`exact_at`].
 //!
 //! ```
 //! # use quadrille_dic as quadrille;
@@ -38,12 +37,9 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SynthError {
-    /// The speckle size is outside 2..=32 px.
-    #[error("the speckle size is {speckle_px} px; choose 2 to 32 px (4.5 is a good start)")]
-    Speckle {
-        /// What was asked for, px.
-        speckle_px: f64,
-    },
+    /// The speckle size, px, is outside 2..=32 px.
+    #[error("the speckle size is {0} px; choose 2 to 32 px (4.5 is a good start)")]
+    Speckle(f64),
     /// The standard deviation of the noise is negative or not finite.
     #[error("the noise is {noise} grey levels; choose a number from 0 (none) on, 2 is that of a fair camera")]
     Noise {
@@ -51,27 +47,14 @@ pub enum SynthError {
         noise: f32,
     },
     /// The number of points per pixel side is outside 1..=6.
-    #[error("{points} points per pixel side; choose 1 to 6 (2 integrates to 0.005 grey levels rms)")]
-    Points {
-        /// What was asked for.
-        points: usize,
-    },
-    /// The motion folds the specimen, or its inverse is not found.
-    #[error("no material point is found that moves to ({x}, {y}) px: the motion folds; lower its gradient")]
-    Folded {
-        /// Column in the deformed image.
-        x: f64,
-        /// Row in the deformed image.
-        y: f64,
-    },
-    /// The image does not fit into the memory.
-    #[error("an image of {width} x {height} px does not fit into the memory")]
-    TooLarge {
-        /// Columns.
-        width: usize,
-        /// Rows.
-        height: usize,
-    },
+    #[error("{0} points per pixel side; choose 1 to 6 (2 integrates to 0.005 grey levels rms)")]
+    Points(usize),
+    /// The motion folds the specimen, or its inverse is not found: at this column and row of the deformed image.
+    #[error("no material point is found that moves to ({0}, {1}) px: the motion folds; lower its gradient")]
+    Folded(f64, f64),
+    /// The image of these columns and rows does not fit into the memory.
+    #[error("an image of {0} x {1} px does not fit into the memory")]
+    TooLarge(usize, usize),
     /// The size asked for is not that of an image.
     #[error(transparent)]
     Image(#[from] ImageError),

@@ -4,8 +4,7 @@ use std::f64::consts::TAU;
 
 /// A displacement field `u(X)` in pixels, on reference coordinates: `g(X + u(X)) = f(X)` (THEORY 1).
 ///
-/// A motion may carry several bodies that move each in its own way, with dark gaps between them; each
-/// body's motion is smooth and defined also a little beyond the body.
+/// A motion may carry several bodies, with dark gaps between; each moves smoothly, also a little beyond itself.
 pub trait Motion: Sync {
     /// The displacement of the material point `x`, px.
     fn displacement(&self, x: [f64; 2]) -> [f64; 2];
@@ -25,8 +24,7 @@ pub trait Motion: Sync {
         1
     }
 
-    /// Whether each body moves so smoothly that its inverse may be interpolated over tens of pixels where that proves
-    /// exact. Otherwise every point is solved for.
+    /// Whether each body moves so smoothly that its inverse may be interpolated; else every point is solved for.
     fn is_smooth(&self) -> bool {
         true
     }
@@ -111,11 +109,6 @@ impl Rotation {
     /// A rotation about `centre`, px.
     pub fn about(centre: [f64; 2], degrees: f64) -> Self {
         Self { degrees, affine: Affine { gradient: rotation_gradient(degrees), centre } }
-    }
-
-    /// The angle, degrees.
-    pub fn degrees(&self) -> f64 {
-        self.degrees
     }
 }
 
@@ -214,8 +207,7 @@ impl Accuracy {
         Self::about(centre_of(width, height), sinusoids, 0.005, 0.2)
     }
 
-    /// Other numbers: the centre (px) of stretch and rotation, the sinusoids, the stretch `S_xx - 1`, and
-    /// the angle of `R` in degrees, positive from x towards y.
+    /// Other numbers: centre (px), sinusoids, the stretch `S_xx - 1`, and the angle of `R`, degrees, from x towards y.
     pub fn about(centre: [f64; 2], sinusoids: Sinusoids, stretch: f64, degrees: f64) -> Self {
         let [[xx, xy], [yx, yy]] = rotation_gradient(degrees);
         let gradient = [[xx + (1.0 + xx) * stretch, xy], [yx + yx * stretch, yy]];

@@ -4,11 +4,10 @@ use super::motion::Motion;
 
 /// Two bonded strips, one above and one below a dark band without texture, peeled open from the right.
 ///
-/// Each strip bends like a beam: `u_y = -+ w(x)/2`, `u_x = slide +- (y - y_axis) w'(x)/2`, without shear
-/// at first order. The opening is `w = theta lambda ln(1 + exp((x - a)/lambda))`: nothing ahead of the
-/// crack front `a`, a rigid rotation by `theta` behind it, a transition over `lambda`. Over the series the
-/// front moves left from beyond the right edge, while `theta` and the sliding grow in proportion. Body 0
-/// is the upper strip, which moves up in the image (u_y < 0), body 1 the lower.
+/// Each strip bends like a beam: `u_y = -+ w(x)/2`, `u_x = slide +- (y - y_axis) w'(x)/2`, without shear at first
+/// order. The opening `w = theta lambda ln(1 + exp((x - a)/lambda))` is nothing ahead of the crack front `a`, a
+/// rotation by `theta` behind it. Over the series the front moves in from beyond the right edge, while `theta` and the
+/// sliding grow. Body 0 is the upper strip, which moves up in the image (u_y < 0), body 1 the lower.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peel {
     /// Columns of the image.

@@ -79,10 +79,8 @@ fn gauss(points: usize) -> Option<(Vec<f64>, Vec<f32>)> {
 
 /// Renders `texture` as moved by `motion`.
 ///
-/// A pixel is the mean of the moved texture over its area by Gauss's rule; each point is followed back to
-/// its material point to 1e-12 px, and belongs to one body or to the dark between them. Every image of a
-/// series has the same relation of texture and grey level. The bits do not depend on the number of
-/// threads.
+/// A pixel is the mean of the moved texture over its area by Gauss's rule; each point is followed back to its material
+/// point to 1e-12 px, and belongs to one body or the dark between. The bits do not depend on the number of threads.
 ///
 /// # Errors
 /// A size of zero, noise or a rule that do not exist, or a motion that folds within the image.
@@ -91,11 +89,11 @@ pub fn render<M: Motion + ?Sized>(texture: &Texture, motion: &M, options: &Rende
     if !(noise.is_finite() && noise >= 0.0) {
         return Err(SynthError::Noise { noise });
     }
-    let (offsets, weights) = gauss(points).ok_or(SynthError::Points { points })?;
+    let (offsets, weights) = gauss(points).ok_or(SynthError::Points(points))?;
     if width == 0 || height == 0 {
         return Err(ImageError::Empty { width, height }.into());
     }
-    let too_large = SynthError::TooLarge { width, height };
+    let too_large = SynthError::TooLarge(width, height);
     let n_pixels = width.checked_mul(height).ok_or(too_large.clone())?;
     let mut greys: Vec<f32> = Vec::new();
     greys.try_reserve_exact(n_pixels).map_err(|_| too_large)?;
@@ -115,8 +113,17 @@ pub fn render<M: Motion + ?Sized>(texture: &Texture, motion: &M, options: &Rende
             scratch.integrate(&weights, axes, &mut greys[x..], width, TILE.min(width - x));
         }
         if noise > 0.0 {
+            let mut seed = [0; 32];
+            seed[..8].copy_from_slice(&options.seed.to_le_bytes());
+            seed[8..16].copy_from_slice(&options.frame.to_le_bytes());
             for (row, greys) in greys.chunks_exact_mut(width).enumerate() {
-                add_noise(greys, options, (y + row) as u64);
+                // Every row has its own stream, so that rows can be made in any order.
+                let mut random = ChaCha8Rng::from_seed(seed);
+                random.set_stream((y + row) as u64);
+                for grey in greys {
+                    let normal: f32 = StandardNormal.sample(&mut random);
+                    *grey += noise * normal;
+                }
             }
         }
         Ok::<_, SynthError>(())
@@ -129,19 +136,6 @@ pub fn render<M: Motion + ?Sized>(texture: &Texture, motion: &M, options: &Rende
         Depth::F32 => Pixels::F32(greys),
     };
     Ok(Image::new(width, height, pixels)?)
-}
-
-/// Every row has its own stream, so that rows can be made in any order.
-fn add_noise(greys: &mut [f32], options: &RenderOptions, row: u64) {
-    let mut seed = [0; 32];
-    seed[..8].copy_from_slice(&options.seed.to_le_bytes());
-    seed[8..16].copy_from_slice(&options.frame.to_le_bytes());
-    let mut random = ChaCha8Rng::from_seed(seed);
-    random.set_stream(row);
-    for grey in greys {
-        let normal: f32 = StandardNormal.sample(&mut random);
-        *grey += options.noise * normal;
-    }
 }
 
 /// The sample positions of whole tiles and of the last one.

@@ -2,8 +2,7 @@
 
 use super::motion::Motion;
 
-/// Displacements (px) at the nodes of a regular grid of square cells, bilinear within each cell; beyond the grid the
-/// outermost cells go on.
+/// Displacements (px) at the nodes of a grid of square cells, bilinear within each; the outermost go on beyond it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GridField {
     origin: [f64; 2],
@@ -13,9 +12,8 @@ pub struct GridField {
 }
 
 impl GridField {
-    /// A grid whose first node is at `origin` (px), with nodes every `step` px, `n_cells` along x and y; one
-    /// displacement for each node, row by row with y down. `None` when the number of displacements is not that of the
-    /// nodes, or nothing is there.
+    /// A grid with its first node at `origin` (px), nodes every `step` px, `n_cells` along x and y, and a displacement
+    /// for each node, row by row with y down. `None` if these are not as many as the nodes, or nothing.
     pub fn new(origin: [f64; 2], step: f64, n_cells: [usize; 2], displacement: Vec<[f64; 2]>) -> Option<Self> {
         let n_nodes = (n_cells[0] + 1).checked_mul(n_cells[1] + 1)?;
         let fits = n_cells.iter().all(|&n| n > 0) && displacement.len() == n_nodes && step.is_finite() && step > 0.0;

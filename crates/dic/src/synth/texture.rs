@@ -15,15 +15,12 @@ const MEAN_SQUARE_AMPLITUDE: f64 = (1.25 * 1.25 * 1.25 - 0.75 * 0.75 * 0.75) / 1
 
 /// An analytic speckle pattern `F(X)` in grey levels of the 0..255 scale, defined on the whole plane.
 ///
-/// One blob `a (1 - r^2/R^2)^8` (close to a Gaussian, but exactly zero beyond `R`; seven continuous
-/// derivatives) lies at a random place of each square cell, with random sign and height; place, sign
-/// and height are hashed from the seed and the cell, so nothing is stored. The sum `z` has unit
-/// variance and becomes the grey level by the smooth saturation `120 + 47 z / sqrt(1 + (47 z / 112)^2)`:
-/// mean 120, standard deviation about 40, never outside 8..232.
+/// One blob `a (1 - r^2/R^2)^8` (exactly zero beyond `R`; seven continuous derivatives) lies in each square cell;
+/// place, sign and height are hashed from seed and cell. The sum `z` has unit variance and becomes the grey level
+/// `120 + 47 z / sqrt(1 + (47 z / 112)^2)`: mean 120, standard deviation about 40, never outside 8..232.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Texture {
     seed: u64,
-    speckle_px: f64,
     /// Side of a cell: whole pixels, so that a shift by whole pixels changes no rounding.
     cell: i64,
     /// Radius of a blob, px.
@@ -37,15 +34,14 @@ pub struct Texture {
 impl Texture {
     /// The texture of `seed` with speckles of mean size `speckle_px` (2 to 32 px; 4 to 5 is usual).
     ///
-    /// The speckle size is the full width at half maximum of one blob. The autocorrelation of the
-    /// texture is `sqrt(2)` times wider. The rms of each gradient component is about `67 / speckle_px`
-    /// grey levels per pixel (15 at 4.5 px).
+    /// The size is the full width at half maximum of one blob; the autocorrelation is `sqrt(2)` times wider. The rms of
+    /// each gradient component is about `67 / speckle_px` grey levels per pixel (15 at 4.5 px).
     ///
     /// # Errors
     /// [`SynthError::Speckle`] for a size outside 2..=32 px.
     pub fn new(seed: u64, speckle_px: f64) -> Result<Self, SynthError> {
         if !(2.0..=32.0).contains(&speckle_px) {
-            return Err(SynthError::Speckle { speckle_px });
+            return Err(SynthError::Speckle(speckle_px));
         }
         // (1 - r^2/R^2)^8 = 1/2 at r = R sqrt(1 - 2^(-1/8)).
         let radius = 0.5 * speckle_px / (1.0 - 0.5_f64.powf(0.125)).sqrt();
@@ -53,12 +49,7 @@ impl Texture {
         // Variance of the sum: mean square of a, times integral of (1 - r^2/R^2)^16 per cell.
         let variance = MEAN_SQUARE_AMPLITUDE * PI * radius * radius / (17.0 * cell * cell);
         let shift = 24 - (speckle_px / 6.0).log2().ceil().max(0.0) as i32;
-        Ok(Self { seed, speckle_px, cell: cell as i64, radius, height: 1.0 / variance.sqrt(), shift })
-    }
-
-    /// The mean speckle size, px.
-    pub fn speckle_px(&self) -> f64 {
-        self.speckle_px
+        Ok(Self { seed, cell: cell as i64, radius, height: 1.0 / variance.sqrt(), shift })
     }
 
     /// The grey level at the point `x` of the plane, in double precision.
@@ -106,8 +97,7 @@ impl Texture {
         mix(by_column.wrapping_add((row as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)))
     }
 
-    /// The blobs that reach into the rectangle `low..high`, ready for the kernel; `None` when the
-    /// rectangle is too large for its fixed-point positions.
+    /// The blobs that reach into `low..high`, for the kernel; `None` when that is too large for its positions.
     pub(super) fn patch(&self, low: [f64; 2], high: [f64; 2], patch: &mut Patch) -> Option<()> {
         let first = low.map(|x| self.cell_of(x - self.radius));
         let last = high.map(|x| self.cell_of(x + self.radius));

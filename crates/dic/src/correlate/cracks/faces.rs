@@ -1,9 +1,7 @@
-//! The faces of a cut where the elements of a frame do not match: their nodes are followed one by one, each by the
-//! pixels around it on its own side, with a gain, an offset and an affine motion of their own (docs/correlation.md,
-//! section 2.12).
+//! The faces of a cut where a frame does not match: their nodes are followed one by one, each by the pixels around it
+//! on its own side, with a gain, an offset and an affine motion of their own (docs/correlation.md, 2.12).
 //!
-//! Beside a crack that opens wide the light changes and the material turns and stretches from element to element: there
-//! one gain for the zone and one start for all may fail where the texture is still to be seen.
+//! Beside a crack that opens wide, light, turn and stretch change from element to element.
 
 use crate::imaging::Image;
 use crate::linalg::Dense;
@@ -42,7 +40,6 @@ const AGREE_PX: f64 = 2.5;
 /// What is left is no white noise but of the size of speckles: it counts so many times in the standard uncertainty.
 const COLOURED: f64 = 2.0;
 
-/// A node that was followed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Followed {
     pub node: usize,
@@ -84,12 +81,9 @@ impl Affine {
         self.p.iter().zip(other.p).enumerate().all(|(k, (a, b))| (a - b).abs() < if k < 2 { px } else { gradient })
     }
 
-    /// The same about another place.
     fn about(&self, x: [f64; 2]) -> Self {
-        let u = self.at(x);
-        let mut p = self.p;
-        (p[0], p[1]) = (u[0], u[1]);
-        Self { about: x, p }
+        let ([x0, y0], [.., a, b, c, d]) = (self.at(x), self.p);
+        Self { about: x, p: [x0, y0, a, b, c, d] }
     }
 }
 
@@ -163,8 +157,7 @@ impl Patch {
         Some((motion, second))
     }
 
-    /// Iterates from `start` by least squares of the grey levels without their plane and of length 1: motion,
-    /// coefficient, standard uncertainty.
+    /// Least squares, from `start`, of grey levels without plane and of length 1: motion, coefficient, uncertainty.
     fn iterate(&self, image: &Image, start: &Affine) -> Option<(Affine, f64, [f64; 2])> {
         let mut motion = *start;
         for _ in 0..ITERATIONS {
@@ -240,8 +233,7 @@ fn scale(values: &mut [f64]) -> Option<f64> {
     (length > 0.0).then_some(length)
 }
 
-/// Grey level between pixels and its gradient, by cubic convolution (Keys 1981); none where it would reach beyond the
-/// image.
+/// Grey level between pixels and its gradient, by cubic convolution (Keys 1981); none where it would reach outside.
 fn cubic(image: &Image, [x, y]: [f64; 2]) -> Option<[f64; 3]> {
     let [i, j] = [x.floor(), y.floor()];
     let inside = i >= 1.0 && j >= 1.0 && i + 2.0 < image.width() as f64 && j + 2.0 < image.height() as f64;
@@ -294,13 +286,9 @@ fn pixels_around(mesh: &Mesh<Px>, elements: &[usize], of_zone: &PixelSet) -> Vec
     found
 }
 
-/// The nodes of elements, rising.
 fn nodes_of(mesh: &Mesh<Px>, elements: &[usize]) -> Vec<usize> {
-    let mut nodes: Vec<usize> =
-        elements.iter().flat_map(|&element| mesh.elements()[element].map(|node| node as usize)).collect();
-    nodes.sort_unstable();
-    nodes.dedup();
-    nodes
+    let nodes = elements.iter().flat_map(|&element| mesh.elements()[element].map(|node| node as usize));
+    BTreeSet::from_iter(nodes).into_iter().collect()
 }
 
 /// The edges of elements that lie on a cut: both ends are `doubled`.
@@ -313,15 +301,13 @@ fn cut_edges(mesh: &Mesh<Px>, elements: &[usize], doubled: &BTreeSet<usize>) -> 
     elements.iter().flat_map(of_element).filter(on_cut).map(|edge| edge.map(|node| mesh.nodes()[node])).collect()
 }
 
-/// Distance of a point from a segment.
 fn distance(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
     let (d, r) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
     let along = ((r[0] * d[0] + r[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])).clamp(0.0, 1.0);
     (r[0] - along * d[0]).hypot(r[1] - along * d[1])
 }
 
-/// A node that is not yet followed: the pixels around it, the second where the first do not find it, and the nodes
-/// beside it.
+/// A node not yet followed: the pixels around it, more of them where these do not find it, and the nodes beside it.
 struct Waiting {
     patches: Vec<Patch>,
     beside: Vec<usize>,
@@ -350,10 +336,8 @@ impl Waiting {
         let of_node = |&node: &usize| {
             let beside = nodes_of(mesh, &elements_at[node]);
             // The elements around it and those around these: a cut parts them, so that they are on its side.
-            let mut elements: Vec<usize> =
-                beside.iter().flat_map(|&other| elements_at[other].iter().copied()).collect();
-            elements.sort_unstable();
-            elements.dedup();
+            let elements = beside.iter().flat_map(|&other| elements_at[other].iter().copied());
+            let elements: Vec<usize> = BTreeSet::from_iter(elements).into_iter().collect();
             let about = mesh.nodes()[node];
             let edges = cut_edges(mesh, &elements, doubled);
             let mut pixels = pixels_around(mesh, &elements, &zone_pixels[mesh.node_zone()[node] as usize]);
@@ -369,12 +353,10 @@ impl Waiting {
     }
 }
 
-/// Motion of a node and its standard uncertainty.
 type Found = BTreeMap<usize, (Affine, [f64; 2])>;
 
-/// Follows the nodes on the faces of cuts (`doubled`) that see texture (`sees`) and all of whose elements are `gone`,
-/// from the `displacement` of those that were measured, from where the frame was started (`expected`: the frames
-/// before), and from each other.
+/// Follows the nodes on the faces of cuts (`doubled`) that see texture (`sees`) and all of whose elements are `gone`:
+/// from the `displacement` of those measured, from where the frame was started (`expected`), and from each other.
 pub(crate) fn follow_nodes(
     [reference, deformed]: [&Image; 2],
     mesh: &Mesh<Px>,
@@ -404,11 +386,7 @@ pub(crate) fn follow_nodes(
                 let at = |k: usize| (mesh.nodes()[k], expected[k]);
                 (low != high).then(|| Affine::turned(x, expected[node], [at(low), at(high)]))
             });
-            let alone = alone.chain(before);
-            let starts: Vec<Affine> = match tried_alone {
-                true => by_found.collect(),
-                false => alone.collect(),
-            };
+            let starts: Vec<Affine> = if tried_alone { by_found.collect() } else { alone.chain(before).collect() };
             let motion = patches.iter().find_map(|patch| patch.follow(deformed, &starts))?;
             Some((node, motion))
         };
@@ -489,30 +467,24 @@ fn against_neighbours(found: &Found, beside: impl Fn(usize) -> Vec<(usize, f64)>
 mod tests {
     use super::*;
 
-    /// Nodes 1 to 5 side by side, of which neighbours disagree by what is given.
-    fn against(off: [f64; 4]) -> Vec<usize> {
-        let motion = (Affine::shift([0.0; 2], [0.0; 2]), [0.1; 2]);
-        let found: Found = (1..=5).map(|node| (node, motion)).collect();
+    /// Nodes from 1 on side by side, of which neighbours disagree by what is given.
+    fn against(off: &[f64]) -> Vec<usize> {
+        let (motion, last) = ((Affine::shift([0.0; 2], [0.0; 2]), [0.1; 2]), off.len() + 1);
+        let found: Found = (1..=last).map(|node| (node, motion)).collect();
         against_neighbours(&found, |node| {
             let before = (node > 1).then(|| (node - 1, off[node - 2]));
-            before.into_iter().chain((node < 5).then(|| (node + 1, off[node - 1]))).collect()
+            before.into_iter().chain((node < last).then(|| (node + 1, off[node - 1]))).collect()
         })
     }
 
     #[test]
     fn of_nodes_that_disagree_the_smaller_group_is_not_measured() {
-        assert!(against([0.3; 4]).is_empty());
-        assert_eq!(against([3.0, 0.1, 0.1, 0.1]), [1]);
-        assert_eq!(against([0.1, 3.0, 0.1, 0.1]), [1, 2]);
+        assert!(against(&[0.3; 4]).is_empty());
+        assert_eq!(against(&[3.0, 0.1, 0.1, 0.1]), [1]);
+        assert_eq!(against(&[0.1, 3.0, 0.1, 0.1]), [1, 2]);
         // The last one is at odds with nobody but one who is wrong.
-        assert_eq!(against([0.1, 0.1, 3.0, 3.0]), [4]);
+        assert_eq!(against(&[0.1, 0.1, 3.0, 3.0]), [4]);
         // Nobody can tell which of two is right.
-        assert!(
-            against_neighbours(
-                &[1, 2].map(|node| (node, (Affine::shift([0.0; 2], [0.0; 2]), [0.1; 2]))).into(),
-                |node| vec![(3 - node, 9.0)]
-            )
-            .is_empty()
-        );
+        assert!(against(&[9.0]).is_empty());
     }
 }

@@ -1,27 +1,13 @@
 //! What an iteration has found: status, uncertainty, marks and summary of a frame.
 
 use crate::backend::{Backend, ElementMatch, Found, GreyTransfer, PixelSums};
-use crate::correlate::correlator::{Correlator, ENOUGH_BY_SIGMA, MATCHED};
-use crate::correlate::cracks::faces::{Followed, follow_nodes};
-use crate::correlate::error::CorrelationError;
-use crate::correlate::judge::marks::{Pair, mark_pulled_along};
-use crate::correlate::judge::screen::LEAST_LEFT;
-use crate::correlate::noise::misfit::{Look, Residuals};
-use crate::correlate::noise::model_error::{self, model_error};
-use crate::correlate::noise::noise_correlation::factors;
-use crate::correlate::noise::noise_model::{Elements, PhotonNoise};
 use crate::correlate::noise::stretch::DeformationGradient;
-use crate::correlate::noise::uncertainty::{NodalSpread, NoiseGain, spread_of};
-use crate::correlate::prepare::gradient_noise::OfElement;
-use crate::correlate::prepare::level::Level;
-use crate::correlate::prepare::own::Own;
-use crate::correlate::prepare::texture::lost_in_noise;
-use crate::correlate::prior::filled::{continue_field, fill_field};
-use crate::correlate::result::correlation::{Correlation, StartUsed, ZoneResult, rigid};
-use crate::correlate::result::settled::{Iterated, Settled};
-use crate::correlate::solve::iterate::{Limits, Outcome, TOO_SLOW, iterate, nothing};
-use crate::correlate::solve::light::{Light, Seen, is_suspected};
-use crate::correlate::start::initial::numbers;
+use crate::correlate::{
+    Correlation, Correlator, ENOUGH_BY_SIGMA, Elements, Followed, ImagePair, Iterated, LEAST_LEFT, Level, Light,
+    Limits, Look, MATCHED, NodalSpread, OfElement, Outcome, Own, PhotonNoise, Residuals, Result, Seen, Settled,
+    StartUsed, TOO_SLOW, ZoneResult, continue_field, factors, fill_field, follow_nodes, is_suspected, iterate,
+    lost_in_noise, mark_pulled_along, nothing, numbers, rigid, spread_of,
+};
 use crate::field::{Brightness, ElementMark, Measurement, ModelError, Status};
 use rayon::prelude::*;
 
@@ -51,7 +37,6 @@ struct Ended<'a, B: Backend> {
     photon_noise: Option<PhotonNoise>,
 }
 
-/// What is measured of a field.
 struct Measured {
     /// Standard uncertainty of both components of each node, px; zero where it is not measured.
     sigma: Vec<[f64; 2]>,
@@ -73,13 +58,18 @@ fn median_ratio(after: &[ElementMatch], before: &[ElementMatch]) -> f64 {
 }
 
 impl<B: Backend> Correlator<B> {
-    /// Whether brightness and contrast may be smooth fields, and whether they are in every frame.
-    fn may_be_smooth(&self) -> Option<bool> {
-        match self.options.brightness {
-            Brightness::Auto => Some(false),
-            Brightness::Smooth => Some(true),
-            Brightness::Zone | Brightness::Element | Brightness::Off => None,
-        }
+    /// What the misfit test takes of a frame whose nodes take the degrees of `freedom`.
+    pub(crate) fn residuals<'a>(
+        &'a self,
+        elements: &'a [ElementMatch],
+        displacement: &'a [[f64; 2]],
+        transfer: &'a [GreyTransfer],
+        freedom: &'a [f64],
+        excluded: &'a [bool],
+    ) -> Residuals<'a> {
+        let (mesh, gain, noise) = (self.mesh(), &self.noise_gain, self.options.noise.constant());
+        let freedom_of_element = if self.options.brightness == Brightness::Element { 2.0 } else { 0.0 };
+        Residuals { mesh, gain, elements, displacement, transfer, freedom, freedom_of_element, noise, excluded }
     }
 
     /// What an iteration has found; where the light asks for smooth fields, after iterating on with them. The fields
@@ -90,20 +80,24 @@ impl<B: Backend> Correlator<B> {
         field: &mut B::Field,
         outcome: &mut Outcome<B>,
         excluded: &[bool],
-    ) -> Result<(Found, Option<Light>), CorrelationError> {
+    ) -> Result<(Found, Option<Light>)> {
         let Level { mesh, prepared, moments, .. } = &self.levels[0];
         let found = self.backend.read_field(prepared, frame, field)?;
-        let Some(always) = self.may_be_smooth() else { return Ok((found, None)) };
+        let always = match self.options.brightness {
+            Brightness::Auto => false,
+            Brightness::Smooth => true,
+            Brightness::Zone | Brightness::Element | Brightness::Off => return Ok((found, None)),
+        };
         let settled = matches!(outcome.status, Status::Converged | Status::IterationLimit);
         if !settled || !(always || is_suspected(mesh, &found.elements, moments)) {
             return Ok((found, None));
         }
-        let variances = self.variances(&found.displacement);
+        let variances = self.noise_gain.variances(mesh, &found.displacement);
         let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
-        let of_reference = self.noise_gain.of_reference();
+        let of_reference = self.noise_gain.of_reference;
         let seen = Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference };
         let Some(mut light) = Light::find(&seen, always) else { return Ok((found, None)) };
-        self.backend.light(prepared, frame, field, light.nodes())?;
+        self.backend.light(prepared, frame, field, &light.nodes)?;
         let (turn, is_rest) = (outcome.turn, excluded.contains(&true));
         let limits = if is_rest { self.rest_limits(turn) } else { self.limits(turn) };
         let mut more = self.iterate_in_light(frame, field, &mut light, &found, limits)?;
@@ -119,13 +113,12 @@ impl<B: Backend> Correlator<B> {
         Ok((self.backend.read_field(prepared, frame, field)?, Some(light)))
     }
 
-    /// Takes the light away again, and puts the field where it was.
-    fn remove_light(
+    pub(crate) fn remove_light(
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
         displacement: &[[f64; 2]],
-    ) -> Result<(), CorrelationError> {
+    ) -> Result<()> {
         let Level { mesh, prepared, .. } = &self.levels[0];
         self.backend.light(prepared, frame, field, &vec![GreyTransfer::NONE; mesh.n_nodes()])?;
         self.backend.place(prepared, frame, field, displacement)?;
@@ -133,15 +126,8 @@ impl<B: Backend> Correlator<B> {
         Ok(())
     }
 
-    /// Variances of the interpolated noise of every element, see [`Seen`].
-    fn variances(&self, displacement: &[[f64; 2]]) -> Vec<f64> {
-        let mesh = self.mesh();
-        (0..mesh.zones().len()).flat_map(|zone| self.noise_gain.variances(mesh, zone, displacement)).collect()
-    }
-
-    /// Iterates while the light follows the field, which was as `before` when the light was found. Where one holds the
-    /// other up, and it is light, it stays as it is from some iteration on: what remains to be found is the
-    /// displacement.
+    /// Iterates while the light follows the field, which was as `before` when it was found. Where one holds the other
+    /// up, and it is light, it stays from some iteration on: what remains to be found is the displacement.
     pub(crate) fn iterate_in_light(
         &self,
         frame: &mut B::Frame,
@@ -149,15 +135,16 @@ impl<B: Backend> Correlator<B> {
         light: &mut Light,
         before: &Found,
         limits: Limits<'_>,
-    ) -> Result<Outcome<B>, CorrelationError> {
+    ) -> Result<Outcome<B>> {
         let level @ Level { mesh, prepared, .. } = &self.levels[0];
         let mut iterations = 0;
-        if !light.is_held() {
-            let (variances, of_reference) = (self.variances(&before.displacement), self.noise_gain.of_reference());
+        if !light.is_held {
+            let (variances, of_reference) =
+                (self.noise_gain.variances(mesh, &before.displacement), self.noise_gain.of_reference);
             let mut follow = |frame: &mut B::Frame, field: &mut B::Field| {
                 let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
                 light.follow(&Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference });
-                self.backend.light(prepared, frame, field, light.nodes())
+                self.backend.light(prepared, frame, field, &light.nodes)
             };
             let limits = Limits { late_light: true, ..limits };
             let outcome = iterate(&self.backend, level, frame, field, limits, &self.kernel, &mut follow)?;
@@ -179,15 +166,14 @@ impl<B: Backend> Correlator<B> {
                     break;
                 }
             }
-            light.hold();
+            light.is_held = true;
         }
         let mut outcome = iterate(&self.backend, level, frame, field, limits, &self.kernel, nothing)?;
         outcome.iterations += iterations;
         Ok(outcome)
     }
 
-    /// Status, uncertainty and summary of a finished iteration, without the elements that are `excluded` (an empty list
-    /// for none) and those that turn out not to match.
+    /// Measures a finished iteration, without the elements `excluded` (empty for none) and those that do not match.
     pub(crate) fn finish(
         &self,
         frame: &mut B::Frame,
@@ -196,7 +182,7 @@ impl<B: Backend> Correlator<B> {
         start: StartUsed,
         coarse_iterations: usize,
         excluded: Vec<bool>,
-    ) -> Result<Correlation, CorrelationError> {
+    ) -> Result<Correlation> {
         let iterated = self.end_iteration(frame, field, outcome, excluded)?;
         let settled = self.settle(frame, field, iterated)?;
         Ok(self.measure(frame, settled, start, coarse_iterations))
@@ -209,31 +195,11 @@ impl<B: Backend> Correlator<B> {
         field: &mut B::Field,
         mut outcome: Outcome<B>,
         mut excluded: Vec<bool>,
-    ) -> Result<Iterated<B>, CorrelationError> {
+    ) -> Result<Iterated<B>> {
         excluded.resize(self.mesh().n_elements(), false);
         let (mut found, light) = self.find_light(frame, field, &mut outcome, &excluded)?;
         self.fill(&outcome, &mut found, &excluded);
         Ok(Iterated { outcome, found, light, excluded })
-    }
-
-    /// What an iteration has found that has not settled, without what keeps it from that, see
-    /// [`Correlator::iterate_without_astray`].
-    pub(crate) fn end_without_astray(
-        &self,
-        frame: &mut B::Frame,
-        field: &mut B::Field,
-        safe: &[[f64; 2]],
-        iterated: Iterated<B>,
-    ) -> Result<Iterated<B>, CorrelationError> {
-        if iterated.outcome.status == Status::Converged {
-            return Ok(iterated);
-        }
-        let Iterated { outcome, found, light, mut excluded } = iterated;
-        if light.is_some() {
-            self.remove_light(frame, field, &found.displacement)?;
-        }
-        let outcome = self.iterate_without_astray(frame, field, safe, outcome, &mut excluded)?;
-        self.end_iteration(frame, field, outcome, excluded)
     }
 
     /// Puts nodes of elements that are `excluded`, and those that noise has kept from settling, where the field around
@@ -257,7 +223,7 @@ impl<B: Backend> Correlator<B> {
         frame: &mut B::Frame,
         field: &mut B::Field,
         Iterated { mut outcome, mut found, mut light, mut excluded }: Iterated<B>,
-    ) -> Result<Settled<B>, CorrelationError> {
+    ) -> Result<Settled<B>> {
         let before = excluded.clone();
         self.screen(frame, field, &mut outcome, &mut found, light.as_mut(), &mut excluded)?;
         self.fill(&outcome, &mut found, &excluded);
@@ -298,12 +264,11 @@ impl<B: Backend> Correlator<B> {
             status = Status::Converged;
         }
         let image = self.backend.image(frame);
-        let pair = Pair::new([&self.image, &image], mesh, &full_displacement);
+        let pair = ImagePair::new([&self.image, &image], mesh, &full_displacement);
         let probe = self.probe.as_ref().filter(|_| status == Status::Converged);
-        let light_nodes = light.as_ref().map(Light::nodes);
+        let light_nodes = light.as_ref().map(|light| light.nodes.as_slice());
         let noise_colour = probe.and_then(|probe| probe.look(&of.by_grey, &image, light_nodes, &made.freedom_left));
-        // Noise that is correlated, as that of resampled images, shows little in the fine structure; a reflection may
-        // pass for it.
+        // Correlated noise, as of resampled images, shows little in the fine structure; a reflection may pass for it.
         let is_coloured = noise_colour.is_some_and(|colour| colour.to_apply().is_some());
         let everywhere = self.misfit_everywhere(&elements, &made.zones, &pair, is_coloured);
         let nodes_in_noise = self.leave_out_noise(&of, &everywhere, &mut made);
@@ -314,7 +279,13 @@ impl<B: Backend> Correlator<B> {
             (0..2).for_each(|c| sigma[c] *= own[c] * noise_factor[c]);
         }
         let (model_error, misfit) = self.model_error(&of, &made, &excluded);
-        if everywhere.iter().enumerate().any(|(zone, &noisy)| noisy && self.has_lost(zone, &excluded)) {
+        // Whether it has lost so many elements that do not match that those left have been chosen.
+        let has_lost = |zone: usize| {
+            let elements = mesh.zone_elements(zone);
+            let lost = elements.clone().filter(|&element| excluded[element]).count();
+            lost as f64 > CHOSEN_SHARE * elements.len() as f64
+        };
+        if everywhere.iter().enumerate().any(|(zone, &noisy)| noisy && has_lost(zone)) {
             // What is left after the choice of the best is no match: anything would have some.
             status = Status::Diverged;
         }
@@ -369,8 +340,7 @@ impl<B: Backend> Correlator<B> {
         }
     }
 
-    /// Measures what each zone has found, and gives the `measured` nodes their standard uncertainties. A node without a
-    /// finite one is not measured.
+    /// Measures each zone, and gives the `measured` nodes their standard uncertainties: without a finite one none is.
     fn measure_zones(&self, of: &Ended<'_, B>, matches: &[f64], measured: Vec<bool>) -> Measured {
         let Ended { light, sums: last, spread, by_grey, photon_noise, .. } = of;
         let (mesh, transfers, displacement) = (by_grey.mesh, by_grey.transfer, by_grey.displacement);
@@ -399,7 +369,9 @@ impl<B: Backend> Correlator<B> {
             let gain = self.noise_gain.of_zone(mesh, zone, displacement, transfer, by_sums.then_some(sums));
             // Identical images still hold the same rounding.
             made.of_pair.push(gain.residual * freedom_left.max(f64::MIN_POSITIVE));
-            let residual_noise = NoiseGain::noise_of_residual(&gain, sums, unknowns).max(self.rounding);
+            // The residual holds the noise of f and the interpolated (filtered) noise of g.
+            let freedom = (sums.n - unknowns).max(1.0);
+            let residual_noise = (sums.rr / freedom / gain.residual).max(0.0).sqrt().max(self.rounding);
             let given = photon_noise.map(|noise| by_grey.in_zone(zone, noise)).or(self.options.noise.constant());
             let noise = given.unwrap_or(residual_noise);
             for node in nodes.clone().filter(|&node| made.measured[node]) {
@@ -434,28 +406,30 @@ impl<B: Backend> Correlator<B> {
         is_noisy && outcome.correction_px < ENOUGH_BY_SIGMA * x.min(y)
     }
 
-    /// Says of each zone whether it is misfit everywhere; where the noise `is_coloured`, one is that does not move with
-    /// its pattern.
+    /// Whether each zone is misfit everywhere; where the noise `is_coloured`, something must not move with its pattern.
     fn misfit_everywhere(
         &self,
         elements: &[ElementMatch],
         zones: &[ZoneResult],
-        pair: &Pair<'_>,
+        pair: &ImagePair<'_>,
         is_coloured: bool,
     ) -> Vec<bool> {
         let noisy = |(zone, of): (usize, &ZoneResult)| {
-            let noisy = of.residual_noise > MISFIT_EVERYWHERE * self.misfit_test.fine().max(self.rounding);
+            let noisy = of.residual_noise > MISFIT_EVERYWHERE * self.misfit_test.fine.max(self.rounding);
             let counts = |&element: &usize| elements[element].n > 0.0;
             noisy && (!is_coloured || pair.something_is_still(self.mesh().zone_elements(zone).filter(counts)))
         };
         zones.iter().enumerate().map(noisy).collect()
     }
 
-    /// Leaves out the nodes that noise has kept from settling, and those that are lost in it; returns how many these
-    /// are.
+    /// Leaves out the nodes that noise has kept from settling, and those lost in it; returns how many.
     fn leave_out_noise(&self, of: &Ended<'_, B>, everywhere: &[bool], made: &mut Measured) -> usize {
         let mesh = self.mesh();
-        let mut in_noise = self.lost_in_noise(of.by_grey.matched, &made.of_pair, &made.measured);
+        let gain = self.options.interpolation.gradient_noise_gain() / self.options.n_references.max(1) as f64;
+        let mut in_noise = match self.seen.is_empty() {
+            true => Vec::new(),
+            false => lost_in_noise(mesh, &self.seen, of.by_grey.matched, &made.of_pair, gain, &made.measured),
+        };
         // What is misfit everywhere is no noise to be lost in.
         in_noise.retain(|&node| !everywhere[mesh.node_zone()[node] as usize]);
         in_noise.extend(of.outcome.unsettled.iter().filter(|&&node| made.measured[node]));
@@ -470,27 +444,14 @@ impl<B: Backend> Correlator<B> {
         in_noise.len()
     }
 
-    /// Finds the model error, and whether each element is to be marked as misfit.
     fn model_error(&self, of: &Ended<'_, B>, made: &Measured, excluded: &[bool]) -> (ModelError, Vec<bool>) {
-        let Level { mesh, solver, .. } = &self.levels[0];
         let displacement = of.by_grey.displacement;
-        let residuals = Residuals {
-            elements: of.by_grey.matched,
-            displacement,
-            transfer: of.by_grey.transfer,
-            freedom: &of.spread.freedom,
-            freedom_of_element: if self.options.brightness == Brightness::Element { 2.0 } else { 0.0 },
-            noise: self.options.noise.constant(),
-        };
-        let (excess, looks) = self.misfit_test.excess_and_looks(mesh, &self.noise_gain, &residuals, excluded, MATCHED);
-        let found = model_error::Found {
-            displacement,
-            sigma: &made.sigma,
-            measured: &made.measured,
-            not_followed: &excess.nodes,
-            solver: of.outcome.own.as_ref().map_or(&**solver, |own| &own.solver),
-        };
-        let model_error = ModelError { nodes: model_error(&self.mesh_lines, &found), misfit: excess.not_followed };
+        let Elements { matched, transfer, .. } = of.by_grey;
+        let residuals = self.residuals(matched, displacement, transfer, &of.spread.freedom, excluded);
+        let (excess, looks) = self.misfit_test.excess_and_looks(&residuals);
+        let solver = of.outcome.own.as_ref().map_or(&*self.levels[0].solver, |own| &own.solver);
+        let nodes = self.mesh_lines.estimate_errors(displacement, &made.sigma, &made.measured, &excess.nodes, solver);
+        let model_error = ModelError { nodes, misfit: excess.not_followed };
         let is_misfit =
             |(look, &misfit): (&Option<Look>, &f64)| misfit > 0.0 && look.is_some_and(|look| look.ratio > MARKED_RATIO);
         let misfit = looks.iter().zip(&model_error.misfit).map(is_misfit).collect();
@@ -514,7 +475,7 @@ impl<B: Backend> Correlator<B> {
             [&self.image, &image],
             mesh,
             self.cut_nodes(),
-            self.zone_pixels(),
+            &self.zone_pixels,
             [&found.measurement.measured, &self.levels[0].keep, &gone],
             &found.full_displacement,
             expected,
@@ -531,7 +492,6 @@ impl<B: Backend> Correlator<B> {
         found
     }
 
-    /// The spread of a frame with a solver of its own.
     fn own_spread(&self, own: &Own<B>) -> NodalSpread {
         let Level { mesh, moments, pattern, regulariser, lambda, .. } = &self.levels[0];
         let isa = self.backend.host_isa();
@@ -559,9 +519,8 @@ impl<B: Backend> Correlator<B> {
         zones.iter().enumerate().map(match_of).collect()
     }
 
-    /// Nodes beside an element that counted, with a displacement that an image of this size can have, and the number of
-    /// those all of whose elements have left the image; those that have lost one because it is `excluded` are not
-    /// among them.
+    /// Nodes beside an element that counted, with a displacement that an image of this size can have; and the number of
+    /// those all of whose elements have left the image, without any that is `excluded`.
     fn measured_nodes(
         &self,
         elements: &[ElementMatch],
@@ -586,26 +545,10 @@ impl<B: Backend> Correlator<B> {
         (measured, left)
     }
 
-    /// The measured nodes whose texture does not stand out of the noise that the residual shows. THEORY 2.
-    fn lost_in_noise(&self, elements: &[ElementMatch], of_pair: &[f64], measured: &[bool]) -> Vec<usize> {
-        if self.seen.is_empty() {
-            return Vec::new();
-        }
-        let gain = self.options.interpolation.gradient_noise_gain() / self.options.n_references.max(1) as f64;
-        lost_in_noise(self.mesh(), &self.seen, elements, of_pair, gain, measured)
-    }
-
-    /// Whether a zone has lost so many elements that do not match that those left have been chosen.
-    fn has_lost(&self, zone: usize, excluded: &[bool]) -> bool {
-        let elements = self.mesh().zone_elements(zone);
-        let lost = elements.clone().filter(|&element| excluded[element]).count();
-        lost as f64 > CHOSEN_SHARE * elements.len() as f64
-    }
-
     /// What is the matter with each element, by name.
     fn marks(
         &self,
-        pair: &Pair<'_>,
+        pair: &ImagePair<'_>,
         elements: &[ElementMatch],
         excluded: &[bool],
         misfit: &[bool],

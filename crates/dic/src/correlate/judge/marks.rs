@@ -1,5 +1,4 @@
-//! What is the matter with the elements of a frame, by name (docs/correlation.md, section 2.8.1): only of those that
-//! are marked is anything read.
+//! What is the matter with the elements that are marked, by name (docs/correlation.md, section 2.8.1).
 
 use crate::field::{ElementMark, ModelError};
 use crate::imaging::Image;
@@ -25,8 +24,7 @@ const PULLED_SIGMAS: f64 = 5.0;
 /// Points along each side of an element that are looked at.
 const POINTS: usize = 12;
 
-/// The pair of images that elements are named by.
-pub(crate) struct Pair<'a> {
+pub(crate) struct ImagePair<'a> {
     reference: &'a Image,
     deformed: &'a Image,
     mesh: &'a Mesh<Px>,
@@ -35,19 +33,16 @@ pub(crate) struct Pair<'a> {
     white: f32,
 }
 
-/// What the pixels of one element say.
 struct Sample {
-    /// Reference, deformed image where the field puts the element; deformed image in the place of the first, and
-    /// reference in that of the second.
+    /// Reference, deformed image where the field puts it; the latter in place of the first, and the reverse.
     grey: Vec<[f64; 4]>,
     /// Share of pixels that are white in the deformed image and not in the reference.
     white: f64,
     moves_px: f64,
 }
 
-impl<'a> Pair<'a> {
-    /// Reference and deformed image, and the `displacement` of all nodes: of those that were not measured as the field
-    /// around them would have it.
+impl<'a> ImagePair<'a> {
+    /// Reference, deformed image, and the `displacement` of all nodes: as the field around has it where not measured.
     pub fn new([reference, deformed]: [&'a Image; 2], mesh: &'a Mesh<Px>, displacement: &'a [[f64; 2]]) -> Self {
         let white = WHITE * deformed.range().1.max(deformed.pixels().white().min(255.0));
         Self { reference, deformed, mesh, displacement, white }
@@ -120,16 +115,20 @@ impl<'a> Pair<'a> {
     }
 }
 
+/// Whether an element with this mark shows something that does not match, as a crack may.
+pub(crate) fn is_mismatch(mark: ElementMark) -> bool {
+    match mark {
+        ElementMark::None | ElementMark::NoTexture | ElementMark::LeftImage => false,
+        ElementMark::Misfit | ElementMark::Still | ElementMark::Saturated | ElementMark::NoMatch => true,
+    }
+}
+
 /// Marks the elements beside those that do not match, where less is enough: a residual beyond noise at all, or a node
 /// that may be off by more than [`PULLED_SIGMAS`], since what is wrong in an element pulls at the nodes around it.
 pub(crate) fn mark_pulled_along(mesh: &Mesh<Px>, marks: &mut [ElementMark], error: &ModelError, sigma: &[[f64; 2]]) {
     let mut beside = vec![false; mesh.n_nodes()];
-    for (nodes, mark) in mesh.elements().iter().zip(marks.iter()) {
-        let pulls = match mark {
-            ElementMark::None | ElementMark::NoTexture | ElementMark::LeftImage => false,
-            ElementMark::Misfit | ElementMark::Still | ElementMark::Saturated | ElementMark::NoMatch => true,
-        };
-        nodes.iter().for_each(|&node| beside[node as usize] |= pulls);
+    for (nodes, &mark) in mesh.elements().iter().zip(marks.iter()) {
+        nodes.iter().for_each(|&node| beside[node as usize] |= is_mismatch(mark));
     }
     let is_off = |node: usize| (0..2).any(|c| error.nodes[node][c] > PULLED_SIGMAS * sigma[node][c]);
     let nodes_of = mesh.elements().iter().map(|nodes| nodes.map(|node| node as usize));

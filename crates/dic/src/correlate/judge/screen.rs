@@ -1,26 +1,18 @@
-//! Elements give up, not frames: those that do not match are left out of the sums of one frame (docs/correlation.md,
-//! section 2.8.1).
+//! Elements give up, not frames: those that do not match leave the sums of one frame (docs/correlation.md, 2.8.1).
 //!
-//! A frame that converges is tested once, by the residual of its elements against that of their zone; where all match,
-//! which is the rule, nothing more is done. Else those that do not are left out, the rest is iterated on with its own
-//! matrix, and all are tested again, those left out where the field around them would put them: some come back.
+//! A frame that converges is tested by the residual of its elements against that of their zone. Those that do not
+//! match, as a rule none, are left out, the rest is iterated on with its own matrix, and all are tested again, those
+//! left out where the field around would put them: some come back.
 //!
-//! A frame that does not converge is tried once more with a penalty that keeps the field smooth until the elements that
-//! do not match are known: what one of them does then spreads no further than the penalty's length.
+//! A frame that does not converge is tried once more with a penalty that keeps the field smooth until they are known:
+//! what one of them does then spreads no further than the penalty's length.
 
 use crate::backend::{Backend, ElementMatch, Found, GreyTransfer};
-use crate::correlate::correlator::{Correlator, MATCHED};
-use crate::correlate::error::CorrelationError;
-use crate::correlate::noise::misfit::{Look, Residuals};
-use crate::correlate::prepare::gradient_noise::{OfElement, without_noise};
-use crate::correlate::prepare::level::{Level, support};
-use crate::correlate::prior::filled::continue_field;
-use crate::correlate::prior::regularisation::{PenaltyScale, Regularisation, Regulariser};
-use crate::correlate::result::correlation::{Correlation, StartUsed};
-use crate::correlate::solve::iterate::{Limits, Outcome, Turn, iterate, nothing};
-use crate::correlate::solve::light::Light;
-use crate::correlate::start::initial::Start;
-use crate::field::{Brightness, Status};
+use crate::correlate::{
+    COARSE, Correlation, Correlator, Level, Light, Limits, Look, OfElement, Outcome, PenaltyScale, Regularisation,
+    Regulariser, Result, Start, StartUsed, Turn, continue_field, iterate, nothing, support, without_noise,
+};
+use crate::field::Status;
 use crate::mesh::Mesh;
 use crate::units::Px;
 
@@ -62,36 +54,22 @@ const SETTLED_PX: f64 = 0.02;
 const TRIES: i32 = 8;
 
 impl<B: Backend> Correlator<B> {
-    /// How far the residual of each element is beyond that of its zone.
-    fn rate_residuals(&self, elements: &[ElementMatch], found: &Found, excluded: &[bool]) -> Vec<Option<Look>> {
-        let of_element = if self.options.brightness == Brightness::Element { 2.0 } else { 0.0 };
-        let residuals = Residuals {
-            elements,
-            displacement: &found.displacement,
-            transfer: &found.transfer,
-            freedom: &self.spread.freedom,
-            freedom_of_element: of_element,
-            noise: self.options.noise.constant(),
-        };
-        self.misfit_test.rate_residuals(self.mesh(), &self.noise_gain, &residuals, excluded, MATCHED)
-    }
-
-    /// The elements to leave out from now on.
+    /// The elements to leave out from now on; `times` counts how often each was.
     fn choose_mismatched(
         &self,
         elements: &[ElementMatch],
         found: &Found,
         excluded: &[bool],
         times: &mut [u8],
-        back: bool,
     ) -> Vec<bool> {
-        let looks = self.rate_residuals(elements, found, excluded);
+        let Found { displacement, transfer, .. } = found;
+        let residuals = self.residuals(elements, displacement, transfer, &self.spread.freedom, excluded);
+        let looks = self.misfit_test.rate_residuals(&residuals);
         let is_out = |(element, look): (usize, Option<Look>)| {
             let was = excluded[element];
             let Some(Look { ratio, px, share }) = look else { return was };
             if was {
-                let stays = !back || times[element] >= TIMES;
-                return stays || (ratio > BACK_RATIO && (px > BACK_PX || share > BACK_SHARE));
+                return times[element] >= TIMES || (ratio > BACK_RATIO && (px > BACK_PX || share > BACK_SHARE));
             }
             let out = ratio > OUT_RATIO && (px > OUT_PX || share > OUT_SHARE);
             times[element] += u8::from(out);
@@ -120,7 +98,7 @@ impl<B: Backend> Correlator<B> {
         found: &mut Found,
         mut light: Option<&mut Light>,
         excluded: &mut Vec<bool>,
-    ) -> Result<(), CorrelationError> {
+    ) -> Result<()> {
         let level = &self.levels[0];
         let Level { mesh, prepared, .. } = level;
         // What has not settled tells little of its elements: that is for the second try.
@@ -140,7 +118,7 @@ impl<B: Backend> Correlator<B> {
             } else {
                 found.elements.clone()
             };
-            let mut next = self.choose_mismatched(&elements, found, excluded, &mut times, true);
+            let mut next = self.choose_mismatched(&elements, found, excluded, &mut times);
             if next == *excluded && outcome.status == Status::Converged && astray.contains(&true) {
                 // The rest has settled: what only hindered it may come back, once.
                 for element in 0..mesh.n_elements() {
@@ -148,7 +126,7 @@ impl<B: Backend> Correlator<B> {
                         (times[element], came_back[element]) = (TIMES - 1, true);
                     }
                 }
-                next = self.choose_mismatched(&elements, found, excluded, &mut times, true);
+                next = self.choose_mismatched(&elements, found, excluded, &mut times);
             }
             if any {
                 let at = std::mem::take(&mut found.displacement);
@@ -162,7 +140,11 @@ impl<B: Backend> Correlator<B> {
             self.backend.exclude(prepared, frame, field, excluded)?;
             let mut iterations = outcome.iterations;
             for tries in 1.. {
-                *outcome = self.iterate_rest(frame, field, light.as_deref_mut(), found, outcome.turn)?;
+                let limits = self.rest_limits(outcome.turn);
+                *outcome = match light.as_deref_mut() {
+                    Some(light) => self.iterate_in_light(frame, field, light, found, limits)?,
+                    None => iterate(&self.backend, level, frame, field, limits, &self.kernel, nothing)?,
+                };
                 iterations += outcome.iterations;
                 outcome.iterations = iterations;
                 if outcome.status == Status::Converged || tries == TRIES {
@@ -181,23 +163,6 @@ impl<B: Backend> Correlator<B> {
         Ok(())
     }
 
-    /// Iterates on with the elements that are left.
-    fn iterate_rest(
-        &self,
-        frame: &mut B::Frame,
-        field: &mut B::Field,
-        light: Option<&mut Light>,
-        found: &Found,
-        turn: Turn,
-    ) -> Result<Outcome<B>, CorrelationError> {
-        let level = &self.levels[0];
-        let limits = self.rest_limits(turn);
-        match light {
-            Some(light) => self.iterate_in_light(frame, field, light, found, limits),
-            None => Ok(iterate(&self.backend, level, frame, field, limits, &self.kernel, nothing)?),
-        }
-    }
-
     pub(crate) fn rest_limits(&self, turn: Turn) -> Limits<'_> {
         let limits = self.limits(turn);
         let max_iterations = limits.max_iterations.min(REST_ITERATIONS);
@@ -213,7 +178,7 @@ impl<B: Backend> Correlator<B> {
         safe: &[[f64; 2]],
         mut outcome: Outcome<B>,
         excluded: &mut [bool],
-    ) -> Result<Outcome<B>, CorrelationError> {
+    ) -> Result<Outcome<B>> {
         let level = &self.levels[0];
         for tries in 1..TRIES {
             if outcome.status == Status::Converged {
@@ -241,30 +206,25 @@ impl<B: Backend> Correlator<B> {
         outcome: &Outcome<B>,
         excluded: &mut [bool],
         tries: i32,
-    ) -> Result<Vec<usize>, CorrelationError> {
+    ) -> Result<Vec<usize>> {
         let settled_px = SETTLED_PX * 0.5f64.powi(tries - 1);
         let level = &self.levels[0];
         let prepared = &level.prepared;
         let now = self.backend.read_field(prepared, frame, field)?.displacement;
         let ran_away = outcome.status == Status::Diverged;
-        let then = match ran_away {
-            true => now.clone(),
-            false => {
-                let one = Limits { max_iterations: 1, ..self.rest_limits(outcome.turn) };
-                iterate(&self.backend, level, frame, field, one, &self.kernel, nothing)?;
-                self.backend.read_field(prepared, frame, field)?.displacement
-            }
-        };
-        let off = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
-        // What is no number is astray as well.
-        let furthest =
-            now.iter().zip(safe).map(|(u, safe)| off(*u, *safe)).filter(|off| off.is_finite()).fold(0.0, f64::max);
+        let mut then = now.clone();
+        if !ran_away {
+            let one = Limits { max_iterations: 1, ..self.rest_limits(outcome.turn) };
+            iterate(&self.backend, level, frame, field, one, &self.kernel, nothing)?;
+            then = self.backend.read_field(prepared, frame, field)?.displacement;
+        }
+        let off = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+        let furthest = now.iter().zip(safe).map(off).filter(|off| off.is_finite()).fold(0.0, f64::max);
         let limit = if ran_away { ASTRAY_PX.max(AWAY * furthest) } else { ASTRAY_PX };
         let is_astray = |node: usize| {
-            let near = |a: [f64; 2], b: [f64; 2], px: f64| off(a, b) < px;
-            node == outcome.worst_node
-                || !near(now[node], safe[node], limit)
-                || !near(now[node], then[node], settled_px)
+            // What is no number is astray as well.
+            let is_near = off((&now[node], &safe[node])) < limit && off((&now[node], &then[node])) < settled_px;
+            node == outcome.worst_node || !is_near
         };
         let astray: Vec<bool> = (0..now.len()).map(is_astray).collect();
         let mut left_out = Vec::new();
@@ -282,8 +242,7 @@ impl<B: Backend> Correlator<B> {
         Ok(left_out)
     }
 
-    /// The penalty that keeps a level smooth while its elements are told apart; none where there is nothing to scale it
-    /// to.
+    /// The penalty that keeps a level smooth while its elements are told apart; none without a scale for it.
     fn smoother(&self, level: usize) -> Option<Regulariser> {
         let Level { mesh, moments, pattern, keep, lambda, .. } = &self.levels[level];
         let cutoff_px = SMOOTH_ELEMENTS * mesh.element_size();
@@ -291,18 +250,16 @@ impl<B: Backend> Correlator<B> {
         let matrix = without_noise(mesh, pattern, &OfElement::all(mesh, moments, &self.kernel, *lambda));
         let active: Vec<bool> = moments.iter().map(|moments| moments.n > 0.0).collect();
         let texture = PenaltyScale { matrix: &matrix, support: &support(pattern, moments), seen: keep };
-        let regulariser = Regulariser::new(smooth, mesh, pattern, &active, &texture)?;
-        Some(if mesh.n_nodes() <= FACTORED_UP_TO { regulariser.prepare_factor(mesh) } else { regulariser })
+        Regulariser::new(smooth, mesh, pattern, &active, &texture, mesh.n_nodes() <= FACTORED_UP_TO)
     }
 
-    /// [`Correlator::descend_pyramid`], smoothly as long as it is not known what does not match.
+    /// [`Correlator::descend_pyramid`] from the search, smoothly as long as it is not known what does not match.
     pub(crate) fn smooth_pyramid(
         &self,
         frame: &mut B::Frame,
         displacement: Vec<[f64; 2]>,
         transfer: Vec<GreyTransfer>,
-        start: StartUsed,
-    ) -> Result<Correlation, CorrelationError> {
+    ) -> Result<Correlation> {
         let top = &self.levels[self.levels.len() - 1];
         let mut field = self.backend.start(&top.prepared, frame, &displacement, &transfer)?;
         let mut iterations = 0;
@@ -332,7 +289,7 @@ impl<B: Backend> Correlator<B> {
             field = self.backend.start_finer(&finer.prepared, frame, &field, moved)?;
         }
         let (displacement, transfer) = self.backend.read_start(&self.levels[0].prepared, frame, &field)?;
-        self.try_smoothly(frame, &Start::new(displacement, transfer), start, iterations)
+        self.try_smoothly(frame, &Start::new(displacement, transfer), StartUsed::Cold, iterations)
     }
 
     /// Whether a frame that has not converged is tried once more: who allows only a few iterations does not want it.
@@ -343,29 +300,24 @@ impl<B: Backend> Correlator<B> {
     fn smooth_limits<'a>(&self, regulariser: Option<&'a Regulariser>) -> Limits<'a> {
         Limits {
             tolerance_px: SMOOTH_TOLERANCE_PX,
-            enough: &[],
             max_iterations: SMOOTH_ITERATIONS,
             own: true,
-            enough_anywhere: false,
             regulariser,
             wild_elements: WILD_SMOOTH_ELEMENTS,
             // The penalty is not turned with the corrections.
             turn: Turn::NONE,
-            late_light: false,
-            near_px: f64::INFINITY,
-            few_far: 0.0,
+            ..COARSE
         }
     }
 
-    /// A second try of a frame that has not converged, from `from`: smoothly until the elements that do not match are
-    /// known, then without them.
+    /// A second try of a frame, from `from`: smoothly until what does not match is known, then without it.
     pub(crate) fn try_smoothly(
         &self,
         frame: &mut B::Frame,
         from: &Start,
         start: StartUsed,
         coarse_iterations: usize,
-    ) -> Result<Correlation, CorrelationError> {
+    ) -> Result<Correlation> {
         let level = &self.levels[0];
         let Level { mesh, prepared, .. } = level;
         let smoother = self.smoother(0);
@@ -386,7 +338,7 @@ impl<B: Backend> Correlator<B> {
             let found = self.backend.read_field(prepared, frame, &field)?;
             let all = self.backend.all_sums(prepared, frame, &field)?;
             let elements: Vec<ElementMatch> = all.iter().map(ElementMatch::from).collect();
-            let next = self.choose_mismatched(&elements, &found, &excluded, &mut times, true);
+            let next = self.choose_mismatched(&elements, &found, &excluded, &mut times);
             if next == excluded {
                 break;
             }

@@ -1,15 +1,14 @@
 //! Where the residual says that the field is not followed (THEORY 11): every element against the noise of its zone.
 //!
-//! Noise is alike in elements of much and of little texture; a displacement `du` that is not followed, and a blur,
-//! leave a residual that grows with the gradient, `mean (grad f . du)^2`. So the mean squares of the residual of the
-//! elements of a zone are fitted by noise (constant, and with the grey level, as photons make it) plus a share of the
-//! gradient's; the first is the noise that the elements are held against, and needs to be known from nowhere else. A
-//! small share of the gradient's, below a tenth in amplitude, is counted as misfit only where the reference has less
-//! noise than that by its fine structure: the interpolation of fine texture leaves as much.
+//! Noise is alike in much and in little texture; a displacement `du` that is not followed, and a blur, leave a residual
+//! that grows with the gradient, `mean (grad f . du)^2`. So the mean squares of the residual of a zone's elements are
+//! fitted by noise (constant, and with the grey level) plus a share of the gradient's; the first is what elements are
+//! held against. A share below a tenth in amplitude is misfit only where the reference has less noise by its fine
+//! structure: the interpolation of fine texture leaves as much.
 
 use crate::backend::{ElementMatch, ElementMoments, GreyTransfer};
-use crate::correlate::noise::uncertainty::NoiseGain;
-use crate::mesh::{Mesh, shape_functions};
+use crate::correlate::{MATCHED, NoiseGain, displacement_in_middle};
+use crate::mesh::Mesh;
 use crate::units::Px;
 
 /// Share of the elements of a zone without misfit that the test names, all of them together.
@@ -35,7 +34,6 @@ const OUTLYING: f64 = 3.5;
 /// Elements that match are enough to say what the noise of their zone is when they are more than this share of it.
 const LEAST_ALIKE: f64 = 0.15;
 
-/// What the test knows of an element before any frame.
 #[derive(Debug, Clone, Copy)]
 struct ElementTexture {
     /// Mean square of each component of the gradient, (grey levels per px)^2.
@@ -46,18 +44,16 @@ struct ElementTexture {
 }
 
 /// The elements of a reference as the test sees them.
-#[derive(Debug)]
 pub(crate) struct MisfitTest {
     texture: Vec<ElementTexture>,
     /// Elements around each node.
     around: Vec<f64>,
     gradient_noise_gain: f64,
     /// Noise of the reference by its fine structure, which texture may add to, grey levels.
-    fine: f64,
+    pub fine: f64,
 }
 
 /// What one frame's residual says of its elements.
-#[derive(Debug)]
 pub(crate) struct Excess {
     /// Displacement that each element does not follow, root mean square, px; zero where the test does not name it.
     pub not_followed: Vec<f64>,
@@ -68,8 +64,7 @@ pub(crate) struct Excess {
 /// What one element's residual is against that of its zone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Look {
-    /// Mean square of the residual over that of the noise of the zone, what the field leaves there everywhere
-    /// included.
+    /// Mean square of the residual over that of the noise of the zone, what the field leaves there everywhere included.
     pub ratio: f64,
     /// Displacement that would leave what is beyond, root mean square, px.
     pub px: f64,
@@ -77,8 +72,9 @@ pub(crate) struct Look {
     pub share: f64,
 }
 
-/// What the test takes of a frame.
 pub(crate) struct Residuals<'a> {
+    pub mesh: &'a Mesh<Px>,
+    pub gain: &'a NoiseGain,
     pub elements: &'a [ElementMatch],
     pub displacement: &'a [[f64; 2]],
     /// Per zone.
@@ -88,9 +84,10 @@ pub(crate) struct Residuals<'a> {
     pub freedom_of_element: f64,
     /// Noise of one image where it is stated, grey levels.
     pub noise: Option<f64>,
+    /// Elements that are looked at, but do not say what the noise is.
+    pub excluded: &'a [bool],
 }
 
-/// An element that is looked at.
 struct Seen {
     element: usize,
     /// Pixels less degrees of freedom.
@@ -146,36 +143,23 @@ impl MisfitTest {
         Self { texture, around, gradient_noise_gain, fine }
     }
 
-    /// Noise of the reference by its fine structure, which texture may add to, grey levels.
-    pub fn fine(&self) -> f64 {
-        self.fine
-    }
-
     /// What the residual of a frame says, and [`MisfitTest::rate_residuals`]: what both need is made once.
-    pub fn excess_and_looks(
-        &self,
-        mesh: &Mesh<Px>,
-        gain: &NoiseGain,
-        frame: &Residuals<'_>,
-        excluded: &[bool],
-        matched: f64,
-    ) -> (Excess, Vec<Option<Look>>) {
-        let seen = self.look_at_zones(mesh, gain, frame);
+    pub fn excess_and_looks(&self, frame: &Residuals<'_>) -> (Excess, Vec<Option<Look>>) {
+        let seen = self.look_at_zones(frame);
         let noise: Vec<Option<ZoneNoise>> =
-            seen.iter().map(|seen| self.noise_of(gain, frame, &sample_of(seen.iter().collect()))).collect();
-        let looks = self.rate_elements(mesh, gain, frame, &seen, Some(&noise), excluded, matched);
-        (self.excess(mesh, &seen, &noise), looks)
+            seen.iter().map(|seen| self.noise_of(frame, &sample_of(seen.iter().collect()))).collect();
+        let looks = self.rate_elements(frame, &seen, Some(&noise));
+        (self.excess(frame.mesh, &seen, &noise), looks)
     }
 
-    /// The elements of each zone that are looked at.
-    fn look_at_zones(&self, mesh: &Mesh<Px>, gain: &NoiseGain, frame: &Residuals<'_>) -> Vec<Vec<Seen>> {
-        let of_zone =
-            |zone| mesh.zone_elements(zone).filter_map(|element| self.look_at(mesh, gain, frame, element)).collect();
+    fn look_at_zones(&self, frame: &Residuals<'_>) -> Vec<Vec<Seen>> {
+        let mesh = frame.mesh;
+        let of_zone = |zone| mesh.zone_elements(zone).filter_map(|element| self.look_at(frame, element)).collect();
         (0..mesh.zones().len()).map(of_zone).collect()
     }
 
-    fn noise_of(&self, gain: &NoiseGain, frame: &Residuals<'_>, sample: &[&Seen]) -> Option<ZoneNoise> {
-        zone_noise(sample, frame.noise, self.fine, self.gradient_noise_gain * gain.of_reference().powi(2))
+    fn noise_of(&self, frame: &Residuals<'_>, sample: &[&Seen]) -> Option<ZoneNoise> {
+        zone_noise(sample, frame.noise, self.fine, self.gradient_noise_gain * frame.gain.of_reference.powi(2))
     }
 
     fn excess(&self, mesh: &Mesh<Px>, seen: &[Vec<Seen>], noise: &[Option<ZoneNoise>]) -> Excess {
@@ -226,36 +210,22 @@ impl MisfitTest {
     }
 
     /// How far the residual of each element is beyond what that of its zone is; none of elements that say nothing.
-    /// Those `excluded` are looked at, but do not say what the noise is; nor do those whose correlation coefficient is
-    /// below `matched`, unless all but a few are.
-    pub fn rate_residuals(
-        &self,
-        mesh: &Mesh<Px>,
-        gain: &NoiseGain,
-        frame: &Residuals<'_>,
-        excluded: &[bool],
-        matched: f64,
-    ) -> Vec<Option<Look>> {
-        let seen = self.look_at_zones(mesh, gain, frame);
-        self.rate_elements(mesh, gain, frame, &seen, None, excluded, matched)
+    /// Elements that do not correlate do not say what the noise is, unless all but a few do not.
+    pub fn rate_residuals(&self, frame: &Residuals<'_>) -> Vec<Option<Look>> {
+        self.rate_elements(frame, &self.look_at_zones(frame), None)
     }
 
     /// The same at the elements `seen`, where the noise that all of a zone show may be known.
-    #[allow(clippy::too_many_arguments, reason = "those of `looks`, and what is known")]
     fn rate_elements(
         &self,
-        mesh: &Mesh<Px>,
-        gain: &NoiseGain,
         frame: &Residuals<'_>,
         seen: &[Vec<Seen>],
         known: Option<&[Option<ZoneNoise>]>,
-        excluded: &[bool],
-        matched: f64,
     ) -> Vec<Option<Look>> {
-        let mut looks = vec![None; mesh.n_elements()];
+        let mut looks = vec![None; frame.mesh.n_elements()];
         for (zone, seen) in seen.iter().enumerate() {
-            let kept = |one: &&Seen| !excluded[one.element];
-            let alike = |one: &&Seen| kept(one) && frame.elements[one.element].correlation >= matched;
+            let kept = |one: &&Seen| !frame.excluded[one.element];
+            let alike = |one: &&Seen| kept(one) && frame.elements[one.element].correlation >= MATCHED;
             let n_alike = seen.iter().filter(alike).count();
             let said: Vec<&Seen> = match n_alike as f64 > LEAST_ALIKE * seen.len() as f64 {
                 true => seen.iter().filter(alike).collect(),
@@ -263,7 +233,7 @@ impl MisfitTest {
             };
             let of_all = known.filter(|_| said.len() == seen.len()).map(|known| known[zone]);
             let sample = sample_of(said);
-            let Some(mut noise) = of_all.unwrap_or_else(|| self.noise_of(gain, frame, &sample)) else { continue };
+            let Some(mut noise) = of_all.unwrap_or_else(|| self.noise_of(frame, &sample)) else { continue };
             if sample.len() < ENOUGH {
                 // Of a few, one that is off must not say what the others are held against.
                 let mut sorted: Vec<f64> = sample.iter().map(|one| one.y).collect();
@@ -283,19 +253,15 @@ impl MisfitTest {
         looks
     }
 
-    fn look_at(&self, mesh: &Mesh<Px>, gain: &NoiseGain, frame: &Residuals<'_>, element: usize) -> Option<Seen> {
-        let found = &frame.elements[element];
+    fn look_at(&self, frame: &Residuals<'_>, element: usize) -> Option<Seen> {
+        let (mesh, found) = (frame.mesh, &frame.elements[element]);
         let nodes = mesh.elements()[element];
         let corners = if nodes[2] == nodes[3] { 3 } else { 4 };
         let of_node = |&node: &u32| frame.freedom[node as usize] / self.around[node as usize].max(1.0);
         let taken: f64 = nodes[..corners].iter().map(of_node).sum();
         let n = found.n - taken - frame.freedom_of_element;
-        let middle = shape_functions(0.5, 0.5);
-        let u: [f64; 2] = std::array::from_fn(|c| {
-            nodes.iter().zip(middle).map(|(&node, psi)| psi * frame.displacement[node as usize][c]).sum()
-        });
         let transfer = frame.transfer[mesh.element_zone()[element] as usize];
-        let gain = gain.of_pair(u, transfer);
+        let gain = frame.gain.of_pair(displacement_in_middle(nodes, frame.displacement), transfer);
         let y = found.residual_rms.powi(2) * found.n / n / gain;
         let ElementTexture { gradient, grey, .. } = self.texture[element];
         let known = n >= 4.0 && y.is_finite() && gain.is_finite() && gain > 0.0;
@@ -309,9 +275,8 @@ fn sample_of(seen: Vec<&Seen>) -> Vec<&Seen> {
     if every == 1 { seen } else { seen.into_iter().step_by(every).collect() }
 }
 
-/// The noise of the elements of a zone; none where there is nothing to see. `in_both`: the noise of the reference is in
-/// residual and gradient, so that an element with more of it by chance has more of both; their covariance over the
-/// noise's variance squared, times half the pixels.
+/// The noise of the elements of a zone; none where nothing is seen. `in_both`: the reference's noise is in residual and
+/// gradient, which by chance grow together: their covariance over the noise's variance squared, times n/2.
 fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> Option<ZoneNoise> {
     let mean = |f: &dyn Fn(&Seen) -> f64| {
         let n: f64 = seen.iter().map(|one| one.n).sum();
@@ -343,8 +308,7 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
     };
     /// Fits under weights that the fit before gives; nothing tests that they have settled.
     const ROUNDS: usize = 5;
-    // Variance of the noise as the round before has it, and as the fine structure allows: at first all of the residual
-    // may be misfit.
+    // Variance of the noise by the round before and the fine structure: at first all of the residual may be misfit.
     let fine = stated.map_or(fine, |stated| stated.min(fine));
     let mut noise = 0.0;
     for _ in 0..ROUNDS {
@@ -376,8 +340,7 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
                 }
                 return Some(found);
             };
-            // Scatter of an element's mean square about the fit, in that, for one pixel: never below that of white
-            // noise.
+            // Scatter of an element's mean square about the fit, in that, for one pixel: not below that of white noise.
             let fit = |one: &Seen| features(one).iter().zip(solution).map(|(phi, a)| phi * a).sum::<f64>();
             let low = solution[0].abs().max(f64::MIN_POSITIVE) * 0.25;
             let scatter: f64 =
@@ -425,15 +388,13 @@ fn solve_symmetric(m: [[f64; 3]; 3], rhs: [f64; 3]) -> Option<([f64; 3], [f64; 3
     Some((solution, [0, 1, 2].map(|i| cofactor(i, i) / determinant)))
 }
 
-/// The value that a mean square of relative standard deviation `spread` exceeds as rarely as a normal variable exceeds
-/// `z`, in its mean (Wilson & Hilferty 1931).
+/// What a mean square of relative standard deviation `spread` exceeds, in its mean, as rarely as a normal variable `z`.
 fn chi_square_ratio(z: f64, spread: f64) -> f64 {
     let ninth = spread * spread / 9.0; // 2 / (9 n) for n degrees of freedom
     (1.0 - ninth + z * ninth.sqrt()).powi(3)
 }
 
-/// The value that a standard normal variable stays below with the probability `p`, above 1/2, to 5e-4 (Abramowitz &
-/// Stegun 26.2.23).
+/// The quantile of a standard normal variable at `p`, above 1/2, to 5e-4 (Abramowitz & Stegun 26.2.23).
 fn normal_quantile(p: f64) -> f64 {
     let t = (-2.0 * (1.0 - p).max(1e-300).ln()).sqrt();
     t - (2.515517 + t * (0.802853 + t * 0.010328)) / (1.0 + t * (1.432788 + t * (0.189269 + t * 0.001308)))

@@ -23,15 +23,11 @@ const CORRELATED: f64 = 1.38;
 /// Cosine below which two edges of a node are one line.
 const STRAIGHT: f64 = -0.8;
 
-/// A second difference along a mesh line.
-#[derive(Debug)]
 struct SecondDifference {
     nodes: [u32; 3],
     weights: [f64; 3],
 }
 
-/// The mesh lines of a mesh.
-#[derive(Debug)]
 pub(crate) struct MeshLines {
     differences: Vec<SecondDifference>,
     /// The second differences of each node, those of the lines through it.
@@ -43,13 +39,11 @@ pub(crate) struct MeshLines {
 impl MeshLines {
     pub fn new(mesh: &Mesh<Px>) -> Self {
         let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); mesh.n_nodes()];
-        for nodes in mesh.elements() {
-            for k in 0..4 {
-                let [a, b] = [nodes[k], nodes[(k + 1) % 4]];
-                if a != b {
-                    neighbours[a as usize].push(b);
-                    neighbours[b as usize].push(a);
-                }
+        for (nodes, k) in mesh.elements().iter().flat_map(|nodes| (0..4).map(move |k| (nodes, k))) {
+            let [a, b] = [nodes[k], nodes[(k + 1) % 4]];
+            if a != b {
+                neighbours[a as usize].push(b);
+                neighbours[b as usize].push(a);
             }
         }
         for list in &mut neighbours {
@@ -73,20 +67,16 @@ impl MeshLines {
                     let (b, length_b) = way(node, q);
                     (a[0] * b[0] + a[1] * b[1]) / (length_a * length_b)
                 };
-                around
-                    .iter()
-                    .copied()
-                    .filter(|&q| cosine(q) < STRAIGHT)
-                    .min_by(|&q, &r| cosine(q).total_cmp(&cosine(r)))
+                let straight = around.iter().copied().filter(|&q| cosine(q) < STRAIGHT);
+                straight.min_by(|&q, &r| cosine(q).total_cmp(&cosine(r)))
             };
             for &p in around {
                 let Some(q) = opposite(p).filter(|&q| p < q && opposite(q) == Some(p)) else { continue };
                 let (h1, h2) = (way(node, p).1, way(node, q).1);
                 let h = 0.5 * (h1 + h2);
                 let at = lines.differences.len() as u32;
-                lines
-                    .differences
-                    .push(SecondDifference { nodes: [p, node as u32, q], weights: [h / h1, -h / h1 - h / h2, h / h2] });
+                let weights = [h / h1, -h / h1 - h / h2, h / h2];
+                lines.differences.push(SecondDifference { nodes: [p, node as u32, q], weights });
                 lines.through[node].push(at);
                 onwards[node].extend([(p, at), (q, at)]);
             }
@@ -104,8 +94,7 @@ impl MeshLines {
         lines
     }
 
-    /// Square of the error of each displacement for want of nodes, px^2; noise of `sigma` is taken off where it is
-    /// `white`, as without regularisation.
+    /// Square of the error of each displacement for want of nodes, px^2, less noise of `sigma` where it is `white`.
     fn coarseness(
         &self,
         displacement: &[[f64; 2]],
@@ -113,21 +102,18 @@ impl MeshLines {
         measured: &[bool],
         white: bool,
     ) -> Vec<[f64; 2]> {
-        let squares: Vec<[f64; 2]> = self
-            .differences
-            .iter()
-            .map(|SecondDifference { nodes, weights }| {
-                if !nodes.iter().all(|&node| measured[node as usize]) {
-                    return [0.0; 2];
-                }
-                [0, 1].map(|c| {
-                    let terms = || nodes.iter().zip(weights);
-                    let difference: f64 = terms().map(|(&node, w)| w * displacement[node as usize][c]).sum();
-                    let noise: f64 = terms().map(|(&node, w)| (w * sigma[node as usize][c]).powi(2)).sum();
-                    difference * difference - if white { CORRELATED * noise } else { 0.0 }
-                })
+        let square_of = |SecondDifference { nodes, weights }: &SecondDifference| {
+            if !nodes.iter().all(|&node| measured[node as usize]) {
+                return [0.0; 2];
+            }
+            [0, 1].map(|c| {
+                let terms = || nodes.iter().zip(weights);
+                let difference: f64 = terms().map(|(&node, w)| w * displacement[node as usize][c]).sum();
+                let noise: f64 = terms().map(|(&node, w)| (w * sigma[node as usize][c]).powi(2)).sum();
+                difference * difference - if white { CORRELATED * noise } else { 0.0 }
             })
-            .collect();
+        };
+        let squares: Vec<[f64; 2]> = self.differences.iter().map(square_of).collect();
         let of_node = |(through, ending): (&Vec<u32>, &Vec<[u32; 2]>)| {
             [0, 1].map(|c| {
                 let square = |at: u32| squares[at as usize][c];
@@ -138,34 +124,30 @@ impl MeshLines {
         };
         self.through.iter().zip(&self.ending).map(of_node).collect()
     }
-}
 
-/// What the estimate takes of a frame.
-pub(crate) struct Found<'a> {
-    pub displacement: &'a [[f64; 2]],
-    pub sigma: &'a [[f64; 2]],
-    pub measured: &'a [bool],
-    /// Square of the displacement not followed around each node, px^2.
-    pub not_followed: &'a [[f64; 2]],
-    /// The solver that the frame was solved with.
-    pub solver: &'a Solver,
-}
-
-/// The error of each displacement beyond noise, px; zero at nodes that were not measured.
-pub(crate) fn model_error(lines: &MeshLines, found: &Found<'_>) -> Vec<[f64; 2]> {
-    let Found { displacement, sigma, measured, not_followed, solver } = found;
-    let coarse = lines.coarseness(displacement, sigma, measured, !solver.is_held());
-    let bias = bias_of_penalty(solver, displacement);
-    let at = |node: usize| {
-        if !measured[node] {
-            return [0.0; 2];
-        }
-        [0, 1].map(|c| {
-            let bias = bias.as_ref().map_or(0.0, |bias| bias[node][c]);
-            (coarse[node][c] + not_followed[node][c] + bias * bias).sqrt()
-        })
-    };
-    (0..measured.len()).map(at).collect()
+    /// The error of each displacement beyond noise, px; zero at nodes that were not measured. `not_followed` is the square
+    /// of the displacement not followed around each node, px^2, and `solver` that of the frame.
+    pub fn estimate_errors(
+        &self,
+        displacement: &[[f64; 2]],
+        sigma: &[[f64; 2]],
+        measured: &[bool],
+        not_followed: &[[f64; 2]],
+        solver: &Solver,
+    ) -> Vec<[f64; 2]> {
+        let coarse = self.coarseness(displacement, sigma, measured, !solver.is_held());
+        let bias = bias_of_penalty(solver, displacement);
+        let at = |node: usize| {
+            if !measured[node] {
+                return [0.0; 2];
+            }
+            [0, 1].map(|c| {
+                let bias = bias.as_ref().map_or(0.0, |bias| bias[node][c]);
+                (coarse[node][c] + not_followed[node][c] + bias * bias).sqrt()
+            })
+        };
+        (0..measured.len()).map(at).collect()
+    }
 }
 
 /// What the penalty keeps from the field, `A^-1 w R (a + A^-1 w R a)`; none without a penalty.

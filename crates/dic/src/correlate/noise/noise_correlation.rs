@@ -1,25 +1,18 @@
-//! Whether the noise of the images is correlated from pixel to pixel, and what that does to the standard uncertainty
-//! (docs/correlation.md, section 2.7).
+//! Whether the noise is correlated from pixel to pixel, and what that does to uncertainties (docs/correlation.md, 2.7).
 //!
-//! The right-hand side `b = sum psi grad f r` has the variance `sigma^2 sum (psi grad f)^2` when the noise is white.
-//! The correlation itself makes `b` vanish, so that its own residual cannot tell. But *another* piece of the same
-//! texture, laid over the residual of a block, has the same spectrum and does not vanish: the mean square of `sum q r`
-//! over many pairs of blocks, beside what white noise of the residual's size would give, is the factor on the variance.
-//! No model of the noise is needed: smoothing, demosaicing, compression and noise of rows all show in it.
+//! The variance of `b = sum psi grad f r` is `sigma^2 sum (psi grad f)^2` for white noise. The correlation makes `b`
+//! vanish; but *another* piece of the texture, laid over the residual of a block, has the same spectrum and does not:
+//! the mean square of `sum q r` over many pairs of blocks, beside that for white noise of the residual's size, is the
+//! factor on the variance. Smoothing, demosaicing, compression and noise of rows all show.
 
-use crate::backend::{Backend, ElementMoments, GreyTransfer, KernelOptions};
-use crate::correlate::noise::noise_model::Elements;
-use crate::correlate::prepare::level::Level;
-use crate::correlate::prepare::options::Options;
-use crate::correlate::start::patch::Patch;
+use crate::backend::{Backend, GreyTransfer, KernelOptions};
+use crate::correlate::{Elements, Level, Patch};
 use crate::field::{Brightness, NoiseCorrelation};
 use crate::imaging::{Image, Interpolation};
-use crate::linalg::Solver;
 use crate::mesh::{Mesh, PixelSet, local_coordinates, shape_functions};
 use crate::units::Px;
 use rayon::prelude::*;
 use std::fmt;
-use std::sync::Arc;
 
 /// Blocks that are looked at, at most: they leave the factor a scatter of about 3 % and cost little beside a frame.
 const BLOCKS: usize = 100;
@@ -56,8 +49,7 @@ pub struct NoiseColour {
     /// Correlation of neighbouring pixels of the residual along x and y, less that of white noise.
     pub neighbours: [f64; 2],
     /// Mean square of the residual along displacements that elements cannot follow, beside that along other texture:
-    /// about 1 for noise of any colour, more for misfit. The mean of several kinds of such displacements, and the
-    /// largest.
+    /// about 1 for noise of any colour, more for misfit. Mean and largest of several kinds.
     pub misfit: [f64; 2],
 }
 
@@ -67,8 +59,7 @@ impl NoiseColour {
         self.misfit[0] > MISFIT[0] || self.misfit[1] > MISFIT[1]
     }
 
-    /// Factors to multiply standard uncertainties by: none where the noise is white as far as can be seen, and where
-    /// misfit hides it.
+    /// Factors on standard uncertainties: none where the noise is white as far as can be seen, or misfit hides it.
     pub fn to_apply(&self) -> Option<[f64; 2]> {
         let largest = self.factor[0].max(self.factor[1]);
         let seen = largest > SEEN && largest > 1.0 + CERTAIN * self.factor_sigma;
@@ -103,7 +94,6 @@ struct Block {
     corner: [usize; 2],
     /// Shape functions of the element at the pixels.
     psi: Vec<[f32; 4]>,
-    /// Reference less the offset.
     grey: Vec<f32>,
     /// Its gradient in both directions, without mean and slope, of unit length.
     pieces: [Vec<f32>; 2],
@@ -115,7 +105,6 @@ struct Block {
 /// Autocorrelation at lags up to [`LAGS`], row by row.
 type Lags = [f64; WIDTH * WIDTH];
 
-/// What is prepared of a reference.
 pub(crate) struct NoiseProbe {
     side: usize,
     offset: f32,
@@ -134,40 +123,12 @@ pub(crate) struct NoiseProbe {
     of_reference: f64,
 }
 
-/// The finest level of a reference, as far as it matters here.
-pub(crate) struct Prepared<'a> {
-    pub image: &'a Arc<Image>,
-    pub offset: f32,
-    pub interpolation: Interpolation,
-    pub brightness: Brightness,
+pub(crate) struct Prepared<'a, B: Backend> {
+    pub image: &'a Image,
+    pub kernel: &'a KernelOptions,
     pub n_references: usize,
-    pub mesh: &'a Mesh<Px>,
+    pub level: &'a Level<B>,
     pub pixels: &'a [PixelSet],
-    pub moments: &'a [ElementMoments],
-    pub solver: &'a Solver,
-}
-
-impl<'a> Prepared<'a> {
-    /// That of `level`, the finest of `image`.
-    pub fn of<B: Backend>(
-        image: &'a Arc<Image>,
-        kernel: &KernelOptions,
-        options: &Options,
-        level: &'a Level<B>,
-        pixels: &'a [PixelSet],
-    ) -> Self {
-        Self {
-            image,
-            offset: kernel.grey_offset,
-            interpolation: kernel.interpolation,
-            brightness: kernel.brightness,
-            n_references: options.n_references,
-            mesh: &level.mesh,
-            pixels,
-            moments: &level.moments,
-            solver: &level.solver,
-        }
-    }
 }
 
 /// Sums of one block of a frame, the residual's size taken off.
@@ -184,11 +145,11 @@ struct BlockSums {
 
 impl NoiseProbe {
     /// Chooses blocks and prepares them; `None` where too few whole ones lie in the zones.
-    pub fn new(of: &Prepared<'_>) -> Option<Self> {
-        let Prepared { mesh, interpolation, offset, .. } = *of;
+    pub fn new<B: Backend>(of: &Prepared<'_, B>) -> Option<Self> {
+        let (Level { mesh, moments, .. }, interpolation) = (of.level, of.kernel.interpolation);
         let side = side(mesh)?;
         let eligible: Vec<(usize, [usize; 2])> = (0..mesh.n_elements())
-            .filter(|&element| of.moments[element].n > 0.0)
+            .filter(|&element| moments[element].n > 0.0)
             .filter_map(|element| Some((element, corner(of, element, side)?)))
             .collect();
         let n = eligible.len().min(BLOCKS);
@@ -196,7 +157,7 @@ impl NoiseProbe {
             return None;
         }
         let chosen: Vec<_> = (0..n).map(|k| eligible[k * eligible.len() / n]).collect();
-        let own_transfer = of.brightness == Brightness::Element;
+        let own_transfer = of.kernel.brightness == Brightness::Element;
         let (blocks, gradients): (Vec<Block>, Vec<[Vec<f32>; 2]>) =
             chosen.into_par_iter().filter_map(|(element, corner)| Block::new(of, element, corner, side)).unzip();
         if blocks.len() < LEAST_BLOCKS {
@@ -214,11 +175,15 @@ impl NoiseProbe {
         let of_beyond = mean_lags(blocks.iter().flat_map(|block| block.beyond.iter().flatten()).collect());
         let left_by_fit = |c| left_by_fit(of, &blocks, &gradients, c, own_transfer);
         let left = rayon::join(|| left_by_fit(0), || left_by_fit(1)).into();
-        let filter = (0..=64).map(|k| filter_lags(interpolation, f64::from(k) / 64.0)).collect();
-        let of_reference = 1.0 / of.n_references.max(1) as f64;
+        // `sum_k eta(t + k) eta(t + k + lag)` per lag.
+        let filter_lags = |t: f64| -> [f64; LAGS + 1] {
+            let weight: Vec<f64> = (-12..=12 + LAGS as i32).map(|k| interpolation.cardinal(t + f64::from(k))).collect();
+            std::array::from_fn(|lag| weight.iter().zip(&weight[lag..]).map(|(a, b)| a * b).sum())
+        };
+        let filter = (0..=64).map(|k| filter_lags(f64::from(k) / 64.0)).collect();
         Some(Self {
             side,
-            offset,
+            offset: of.kernel.grey_offset,
             interpolation,
             own_transfer,
             blocks,
@@ -226,15 +191,14 @@ impl NoiseProbe {
             of_beyond,
             left,
             filter,
-            of_reference,
+            of_reference: 1.0 / of.n_references.max(1) as f64,
         })
     }
 
     /// Looks at the residual of `image` in a frame: `None` where too few blocks are whole. `freedom` is the share of
-    /// the residual's degrees of freedom that the unknowns of each zone leave. What lies below half of the standard
-    /// deviation of rounding (identical images) is round-off of the computation, whose colour means nothing.
-    /// `light` is what comes before the transfer of the zone at each node, where the light varies; of a block it is
-    /// taken in the mean.
+    /// the residual's degrees of freedom that the unknowns of each zone leave. Below half of the standard deviation of
+    /// rounding (identical images) there is round-off, whose colour means nothing. `light` comes before the transfer of
+    /// the zone at each node, where it varies; of a block in the mean.
     pub fn look(
         &self,
         frame: &Elements<'_>,
@@ -243,34 +207,27 @@ impl NoiseProbe {
         freedom: &[f64],
     ) -> Option<NoiseColour> {
         let &Elements { mesh, matched, displacement, transfer, least, .. } = frame;
-        let residual = |block: &Block| -> Option<(Vec<f32>, f64, [f64; 2])> {
+        let of_block = |(at, block): (usize, &Block)| {
             if matched[block.element].n == 0.0 {
                 return None;
             }
             let zone = mesh.element_zone()[block.element] as usize;
-            let nodes = mesh.elements()[block.element].map(|node| displacement[node as usize]);
+            let nodes = mesh.elements()[block.element];
             let of_zone = transfer[zone];
             let by_light = light.map_or(of_zone, |light| {
                 let mean = |of: &dyn Fn(&GreyTransfer) -> f64| {
-                    mesh.elements()[block.element].iter().map(|&node| 0.25 * of(&light[node as usize])).sum::<f64>()
+                    nodes.iter().map(|&node| 0.25 * of(&light[node as usize])).sum::<f64>()
                 };
                 GreyTransfer {
                     gain: of_zone.gain * mean(&|t| t.gain),
                     offset: of_zone.gain * mean(&|t| t.offset) + of_zone.offset,
                 }
             });
-            self.residual(block, image, nodes, by_light)
+            let nodes = nodes.map(|node| displacement[node as usize]);
+            let (residual, gain, u) = self.residual(block, image, nodes, by_light)?;
+            Some(self.sums(at, &residual, gain, u, freedom[zone]))
         };
-        let sums: Vec<Option<BlockSums>> = self
-            .blocks
-            .par_iter()
-            .enumerate()
-            .map(|(at, block)| {
-                let (residual, gain, u) = residual(block)?;
-                let zone = mesh.element_zone()[block.element] as usize;
-                Some(self.sums(at, &residual, gain, u, freedom[zone]))
-            })
-            .collect();
+        let sums: Vec<Option<BlockSums>> = self.blocks.par_iter().enumerate().map(of_block).collect();
         let sums: Vec<BlockSums> = sums.into_iter().flatten().filter(|sums| sums.level > 0.25 * least).collect();
         let mut levels: Vec<f64> = sums.iter().map(|sums| sums.level).collect();
         levels.sort_by(f64::total_cmp);
@@ -299,18 +256,14 @@ impl NoiseProbe {
             misfit: match beyond.len() {
                 // Texture too poor to tell misfit from noise.
                 0 => [1.0; 2],
-                n => {
-                    let most = beyond.iter().fold(0.0, |most: f64, value| most.max(*value));
-                    [beyond.iter().sum::<f64>() / n as f64, most]
-                }
+                n => [beyond.iter().sum::<f64>() / n as f64, beyond.iter().copied().fold(0.0, f64::max)],
             },
         };
         let numbers = [colour.factor[0], colour.factor[1], colour.factor_sigma, colour.misfit[0], colour.misfit[1]];
         numbers.iter().all(|v| v.is_finite()).then_some(colour)
     }
 
-    /// The residual of a block, the gain of its deformed image, and the displacement of its middle; `None` where it has
-    /// left the image.
+    /// The residual of a block, its gain, and the displacement of its middle; `None` where it has left the image.
     fn residual(
         &self,
         block: &Block,
@@ -355,14 +308,9 @@ impl NoiseProbe {
                 .collect();
         let (gain, offset) =
             if self.own_transfer { own_transfer(&block.grey, &deformed) } else { (transfer.gain, transfer.offset) };
-        let residual = block
-            .grey
-            .iter()
-            .zip(&deformed)
-            .map(|(f, g)| (f64::from(*f) - gain * f64::from(*g) - offset) as f32)
-            .collect();
-        let middle = u[side / 2 * side + side / 2].map(f64::from);
-        Some((residual, gain, middle))
+        let left = |(f, g): (&f32, &f32)| (f64::from(*f) - gain * f64::from(*g) - offset) as f32;
+        let residual = block.grey.iter().zip(&deformed).map(left).collect();
+        Some((residual, gain, u[side / 2 * side + side / 2].map(f64::from)))
     }
 
     fn sums(&self, at: usize, residual: &[f32], gain: f64, u: [f64; 2], freedom: f64) -> BlockSums {
@@ -374,8 +322,7 @@ impl NoiseProbe {
             let between = |lag: usize| self.filter[k][lag] + t * (self.filter[k + 1][lag] - self.filter[k][lag]);
             std::array::from_fn::<f64, { LAGS + 1 }, _>(between)
         });
-        // Mean square that white noise of one grey level in each image leaves along what has the autocorrelation
-        // `lags`.
+        // Mean square that white noise of one grey level in each image leaves along what autocorrelates by `lags`.
         let white = |lags: &Lags| {
             let mut sum = 0.0;
             for (k, value) in lags.iter().enumerate() {
@@ -413,13 +360,19 @@ impl NoiseProbe {
 
 impl Block {
     /// The block with its raw gradient; `None` without texture.
-    fn new(of: &Prepared<'_>, element: usize, corner: [usize; 2], side: usize) -> Option<(Self, [Vec<f32>; 2])> {
+    fn new<B: Backend>(
+        of: &Prepared<'_, B>,
+        element: usize,
+        corner: [usize; 2],
+        side: usize,
+    ) -> Option<(Self, [Vec<f32>; 2])> {
         let low = corner.map(|v| v as isize);
-        let patch = Patch::new(of.image, of.offset, low, low.map(|v| v + side as isize), of.interpolation);
+        let (offset, high) = (of.kernel.grey_offset, low.map(|v| v + side as isize));
+        let patch = Patch::new(of.image, offset, low, high, of.kernel.interpolation);
         let pixels = || (0..side * side).map(|k| [corner[0] + k % side, corner[1] + k / side]);
-        let grey: Vec<f32> = pixels().map(|[x, y]| of.image.grey(x, y) - of.offset).collect();
+        let grey: Vec<f32> = pixels().map(|[x, y]| of.image.grey(x, y) - offset).collect();
         let gradient: Vec<[f32; 2]> = pixels().map(|pixel| patch.gradient(pixel)).collect();
-        let corners = of.mesh.corners(element);
+        let corners = of.level.mesh.corners(element);
         let psi: Vec<[f32; 4]> = pixels()
             .map(|[x, y]| {
                 let [xi, eta] = local_coordinates(corners, [x as f64, y as f64])?;
@@ -458,7 +411,6 @@ impl Block {
     }
 }
 
-/// The component of the displacement that a mode bends.
 fn component(mode: usize) -> usize {
     mode / 2 % 2
 }
@@ -503,9 +455,9 @@ fn side(mesh: &Mesh<Px>) -> Option<usize> {
 }
 
 /// The first pixel of the block in the middle of an element, when all its pixels belong to it.
-fn corner(of: &Prepared<'_>, element: usize, side: usize) -> Option<[usize; 2]> {
-    let corners = of.mesh.corners(element);
-    let zone = of.mesh.element_zone()[element] as usize;
+fn corner<B: Backend>(of: &Prepared<'_, B>, element: usize, side: usize) -> Option<[usize; 2]> {
+    let corners = of.level.mesh.corners(element);
+    let zone = of.level.mesh.element_zone()[element] as usize;
     // A triangle has its last corner twice, and its middle is that of three.
     let n = if corners[2] == corners[3] { 3 } else { 4 };
     let middle = [0, 1].map(|c| corners[..n].iter().map(|p| p[c]).sum::<f64>() / n as f64);
@@ -530,11 +482,18 @@ fn corner(of: &Prepared<'_>, element: usize, side: usize) -> Option<[usize; 2]> 
 
 /// Share of the mean square of the pieces (of component `c`), laid over other blocks, that the fit leaves in the
 /// residual `(I - G A^-1 G^T) e`: `1 - (2 b . a - a . M a)`, `a = A^-1 b`, for pieces with a random sign each.
-fn left_by_fit(of: &Prepared<'_>, blocks: &[Block], gradients: &[[Vec<f32>; 2]], c: usize, own_transfer: bool) -> f64 {
+fn left_by_fit<B: Backend>(
+    of: &Prepared<'_, B>,
+    blocks: &[Block],
+    gradients: &[[Vec<f32>; 2]],
+    c: usize,
+    own_transfer: bool,
+) -> f64 {
+    let Level { mesh, solver, .. } = of.level;
     let n = blocks.len();
     let (mut whole, mut taken) = (0.0, 0.0);
     for draw in 0..DRAWS {
-        let mut b = vec![[0.0; 2]; of.mesh.n_nodes()];
+        let mut b = vec![[0.0; 2]; mesh.n_nodes()];
         for (at, (block, gradient)) in blocks.iter().zip(gradients).enumerate() {
             // Multiplicative hashing: as good as chance, and the same every time.
             let negative = ((at * DRAWS + draw) as u32).wrapping_mul(2_654_435_769) >> 31 == 1;
@@ -551,7 +510,7 @@ fn left_by_fit(of: &Prepared<'_>, blocks: &[Block], gradients: &[[Vec<f32>; 2]],
                 taken += 1.0 - dot(&piece, &piece);
             }
             whole += 1.0;
-            let nodes = of.mesh.elements()[block.element];
+            let nodes = mesh.elements()[block.element];
             for (k, psi) in block.psi.iter().enumerate() {
                 for (&node, &psi) in nodes.iter().zip(psi) {
                     for (b, gradient) in b[node as usize].iter_mut().zip(gradient) {
@@ -560,18 +519,16 @@ fn left_by_fit(of: &Prepared<'_>, blocks: &[Block], gradients: &[[Vec<f32>; 2]],
                 }
             }
         }
-        let a = of.solver.solve(b.clone());
+        let a = solver.solve(b.clone());
         let product = |u: &[[f64; 2]], v: &[[f64; 2]]| -> f64 {
             u.as_flattened().iter().zip(v.as_flattened()).map(|(u, v)| u * v).sum()
         };
-        let held = of.solver.matrix().held();
-        held.iter().for_each(|&node| b[node as usize] = [0.0; 2]);
-        taken += 2.0 * product(&b, &a) - product(&a, &of.solver.data().multiply(&a));
+        solver.matrix().held().iter().for_each(|&node| b[node as usize] = [0.0; 2]);
+        taken += 2.0 * product(&b, &a) - product(&a, &solver.data().multiply(&a));
     }
     (1.0 - taken / whole).clamp(0.05, 1.0)
 }
 
-/// The gain and offset of one block's own.
 fn own_transfer(reference: &[f32], deformed: &[f32]) -> (f64, f64) {
     let n = reference.len() as f64;
     let sum = |of: &dyn Fn(f64, f64) -> f64| -> f64 {
@@ -583,15 +540,8 @@ fn own_transfer(reference: &[f32], deformed: &[f32]) -> (f64, f64) {
     (gain, f - gain * g)
 }
 
-/// `sum_k eta(t + k) eta(t + k + lag)` per lag.
-fn filter_lags(interpolation: Interpolation, t: f64) -> [f64; LAGS + 1] {
-    let weight: Vec<f64> = (-12..=12 + LAGS as i32).map(|k| interpolation.cardinal(t + f64::from(k))).collect();
-    std::array::from_fn(|lag| weight.iter().zip(&weight[lag..]).map(|(a, b)| a * b).sum())
-}
-
-/// Of a square of values, at all lags up to [`LAGS`] in both directions. The sum at each lag runs row by row, and the
-/// lags of a row side by side; what lies beyond the square counts as zero. A lag and its opposite have the same
-/// products.
+/// Of a square of values, at lags up to [`LAGS`] in both directions, row by row, the lags of a row side by side; beyond
+/// the square there are zeros. A lag and its opposite have the same products.
 fn autocorrelation(values: &[f32], side: usize) -> Lags {
     let stride = side + 2 * LAGS;
     let mut padded = vec![0.0; side * stride];
@@ -617,7 +567,6 @@ fn autocorrelation(values: &[f32], side: usize) -> Lags {
     lags
 }
 
-/// Sum of products, in eight strands.
 fn dot(a: &[f32], b: &[f32]) -> f64 {
     let n = a.len() - a.len() % 8;
     let rest: f32 = a[n..].iter().zip(&b[n..]).map(|(a, b)| a * b).sum();

@@ -2,7 +2,7 @@
 //! it makes of the standard uncertainty of each node (docs/correlation.md, section 2.7).
 
 use crate::backend::{ElementMatch, ElementMoments, GreyTransfer};
-use crate::correlate::noise::uncertainty::NoiseGain;
+use crate::correlate::NoiseGain;
 use crate::field::Noise;
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -36,7 +36,6 @@ pub(crate) struct Elements<'a> {
 }
 
 impl PhotonNoise {
-    /// Variance at a grey level, at least `least`.
     fn at(self, grey: f64, least: f64) -> f64 {
         (self.a + self.b * grey).max(least)
     }
@@ -52,8 +51,7 @@ impl Elements<'_> {
         }
     }
 
-    /// Mean grey level of an element in the reference and in the deformed image, in their own scale; the gain between
-    /// them.
+    /// Mean grey level of an element in reference and deformed image, each in its own scale; the gain between them.
     fn greys(&self, element: usize) -> Option<[f64; 3]> {
         let moments = &self.moments[element];
         if moments.n == 0.0 {
@@ -67,7 +65,7 @@ impl Elements<'_> {
 
     /// `residual^2 = a p + b q` over the elements by weighted least squares.
     fn of_residual(&self) -> Option<PhotonNoise> {
-        let of_reference = self.gain.of_reference();
+        let of_reference = self.gain.of_reference;
         let row = |element: usize| {
             let [f, g, gain] = self.greys(element)?;
             let ElementMatch { n, residual_rms, .. } = self.matched[element];
@@ -80,11 +78,8 @@ impl Elements<'_> {
             Some([of_reference + through, f * of_reference + g * through, square, n])
         };
         let rows: Vec<[f64; 4]> = (0..self.mesh.n_elements()).filter_map(row).collect();
-        let even = |rows: &[[f64; 4]]| {
-            let sum = |k: usize| rows.iter().map(|row| row[3] * row[k]).sum::<f64>();
-            PhotonNoise { a: sum(2) / sum(0).max(f64::MIN_POSITIVE), b: 0.0 }
-        };
-        let mut fit = even(&rows);
+        let sum = |k: usize| rows.iter().map(|row| row[3] * row[k]).sum::<f64>();
+        let mut fit = PhotonNoise { a: sum(2) / sum(0).max(f64::MIN_POSITIVE), b: 0.0 };
         for _ in 0..ROUNDS {
             let predicted = |row: &[f64; 4]| (fit.a * row[0] + fit.b * row[1]).max(self.least * row[0]);
             let quiet: Vec<&[f64; 4]> = rows.iter().filter(|row| row[2] <= LOUD * predicted(row)).collect();
@@ -112,22 +107,19 @@ impl Elements<'_> {
 
     /// Standard deviation of the noise in a zone: the root of its mean variance over the pixels of the reference.
     pub fn in_zone(&self, zone: usize, noise: PhotonNoise) -> f64 {
-        let pixels_and_variance = |element: usize| {
-            let grey = self.greys(element)?[0];
-            Some((self.matched[element].n, noise.at(grey, self.least)))
-        };
-        let (n, sum) = self
-            .mesh
-            .zone_elements(zone)
-            .filter_map(pixels_and_variance)
-            .fold((0.0, 0.0), |(n, sum), (pixels, variance)| (n + pixels, sum + pixels * variance));
+        let (mut n, mut sum) = (0.0, 0.0);
+        for element in self.mesh.zone_elements(zone) {
+            let Some([grey, ..]) = self.greys(element) else { continue };
+            let pixels = self.matched[element].n;
+            (n, sum) = (n + pixels, sum + pixels * noise.at(grey, self.least));
+        }
         if n > 0.0 { (sum / n).sqrt() } else { self.least.sqrt() }
     }
 
     /// Per node, by what its standard uncertainty differs from that under the even noise of its zone: its own noise is
     /// the mean of its elements' variances, weighted by their share in its diagonal of `M`.
     pub fn by_node(&self, noise: PhotonNoise) -> Vec<[f64; 2]> {
-        let of_reference = self.gain.of_reference();
+        let of_reference = self.gain.of_reference;
         let in_zone: Vec<f64> = (0..self.mesh.zones().len()).map(|zone| self.in_zone(zone, noise).powi(2)).collect();
         let mut sums = vec![[[0.0; 2]; 2]; self.mesh.n_nodes()];
         for (element, nodes) in self.mesh.elements().iter().enumerate() {

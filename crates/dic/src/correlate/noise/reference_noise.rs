@@ -13,14 +13,12 @@ pub(crate) fn rounding(image: &Image) -> f64 {
     }
 }
 
-/// The image noise assumed for the texture check when none is given, grey levels: the high-frequency
-/// content of the quietest tenth of the image (second differences in both directions, which smooth
-/// texture hardly has; Immerkaer 1996), at least the rounding of integer images. Fine or sharp-edged
-/// speckles have second differences too, so it is taken to be at most 1 % of the range of grey levels: a
-/// good reference must not be refused for a noise that nobody measured.
+/// The image noise assumed for the texture check when none is given, grey levels: the high-frequency content of the
+/// quietest tenth of the image (second differences in both directions; Immerkaer 1996), at least the rounding of
+/// integers. Fine or sharp speckles have it too, so it is at most 1 % of the range of grey levels: a good reference
+/// must not be refused for a noise that nobody measured.
 ///
-/// Where these tiles hold nothing but white noise there is no fine texture to mistake for it, and only the
-/// span of such noise limits it: 8 to 10 standard deviations.
+/// Where these tiles hold only white noise, no fine texture is mistaken for it: its span, 8 to 10 sigma, limits it.
 pub fn assumed_noise(image: &Image) -> f64 {
     let (low, high) = image.range();
     let quiet_tiles = &quietest_tiles(image, |_, _| true);
@@ -31,8 +29,7 @@ pub fn assumed_noise(image: &Image) -> f64 {
     quiet.min(share * f64::from(high - low)).max(rounding(image))
 }
 
-/// The high-frequency content of the quietest tenth of the zones of `mesh`, grey levels: white noise, and what fine
-/// texture adds to it.
+/// The high-frequency content of the quietest tenth of the zones, grey levels: white noise, and fine texture.
 pub(crate) fn high_frequency(image: &Image, mesh: &Mesh<Px>) -> f64 {
     let bounds: Vec<Roi> = (0..mesh.zones().len()).map(|zone| mesh.bounds(zone)).collect();
     let inside = |x: usize, y: usize| {
@@ -42,8 +39,7 @@ pub(crate) fn high_frequency(image: &Image, mesh: &Mesh<Px>) -> f64 {
     quietest_tiles(image, inside).last().map_or(0.0, |tile| tile.0)
 }
 
-/// Noise by second differences, and standard deviation, of each tile of the quietest tenth of those that begin where
-/// `counts` holds, in rising order.
+/// Noise by second differences, and deviation, of the quietest tenth of the tiles whose corner `counts`, rising.
 fn quietest_tiles(image: &Image, counts: impl Fn(usize, usize) -> bool + Sync) -> Vec<(f64, f64)> {
     /// Side of a tile, px: its 256 differences tell a noise to a few per cent.
     const TILE: usize = 16;

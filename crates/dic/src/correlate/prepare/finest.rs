@@ -1,17 +1,11 @@
 //! The finest level of a reference, with its texture check.
 
 use crate::backend::{Backend, ElementMoments, KernelOptions, couple};
-use crate::correlate::error::{CorrelationError, TextureFault};
-use crate::correlate::noise::uncertainty::{NodalSpread, NoiseGain, spread_of};
-use crate::correlate::prepare::gradient_noise::{AssumedNoise, OfElement, diagonal_with_noise, without_noise};
-use crate::correlate::prepare::level::{Level, support_of};
-use crate::correlate::prepare::options::Options;
-use crate::correlate::prepare::own::Changed;
-use crate::correlate::prepare::texture::{
-    SeenByNode, find_faults, find_least_determined, find_undetermined, seen_by_nodes,
+use crate::correlate::{
+    AssumedNoise, Changed, CorrelationError, Level, NodalSpread, NoiseGain, OfElement, Options, PenaltyScale,
+    Regulariser, Result, SeenByNode, TextureFault, diagonal_with_noise, find_faults, find_least_determined,
+    find_undetermined, seen_by_nodes, splines, spread_of, support_of, without_noise,
 };
-use crate::correlate::prior::regularisation::{PenaltyScale, Regulariser};
-use crate::correlate::prior::splines::splines;
 use crate::field::Elements;
 use crate::isa::Isa;
 use crate::linalg::{BlockMatrix, Pattern, Solver, Subspace, dissection, nested_dissection};
@@ -28,7 +22,6 @@ pub(crate) struct Finest<B: Backend> {
     pub spread: NodalSpread,
     /// What the nodes see of texture and noise together.
     pub seen: Vec<SeenByNode>,
-    /// Nodes left out.
     pub dropped: Vec<TextureFault>,
     /// Nodes without texture that a regularisation or splines hold.
     pub held: Vec<TextureFault>,
@@ -68,8 +61,7 @@ impl<'a> Seen<'a> {
         (block, support_of(self.pattern, &self.moments, node))
     }
 
-    /// Leaves out the elements of `nodes`: one of which a node is left out would be read at a guess there. Returns
-    /// those that were not left out before.
+    /// Leaves out the elements of `nodes`, which would be read at a guess there. Returns those that were not before.
     fn leave_out(&mut self, nodes: &[u32]) -> Vec<u32> {
         let mut left_out = self.pattern.elements_around(nodes);
         left_out.retain(|&element| self.active[element as usize]);
@@ -98,7 +90,6 @@ struct Round<'a> {
     splines: Option<&'a Arc<Subspace>>,
 }
 
-/// What it comes to.
 struct Solved {
     solver: Solver,
     regulariser: Option<Regulariser>,
@@ -107,8 +98,7 @@ struct Solved {
 }
 
 impl Round<'_> {
-    /// Makes the matrix without the nodes that are left out, its factor and its spread. `before` are those of an
-    /// earlier round, since which the elements `left_out` have gone.
+    /// The matrix without the nodes left out, its factor, its spread; `before`: those before `left_out` went.
     fn solve(&self, before: Option<(BlockMatrix, NodalSpread)>, mut left_out: Vec<u32>) -> Solved {
         let Self { isa, seen, pattern, keep, options, .. } = *self;
         let mesh = seen.mesh;
@@ -133,8 +123,7 @@ impl Round<'_> {
         let texture = PenaltyScale { matrix: &matrix, support: &seen.support, seen: &self.textured };
         let regulariser = match self.splines {
             Some(splines) => Some(Regulariser::Splines(splines.clone())),
-            None => Regulariser::new(options.regularisation, mesh, pattern, &seen.active, &texture)
-                .map(|regulariser| regulariser.prepare_factor(mesh)),
+            None => Regulariser::new(options.regularisation, mesh, pattern, &seen.active, &texture, true),
         };
         let Some(regulariser) = regulariser else {
             let solver = Solver::iterative(matrix);
@@ -144,33 +133,21 @@ impl Round<'_> {
                 || spread_with(&solver, None),
             );
             let has_factor = factor.is_ok();
-            return Solved {
-                solver: solver.with_factor(factor.unwrap_or(None)),
-                regulariser: None,
-                spread,
-                has_factor,
-            };
+            let solver = solver.with_factor(factor.unwrap_or(None));
+            return Solved { solver, regulariser: None, spread, has_factor };
         };
-        match regulariser.solver(matrix.clone()) {
-            Ok(solver) => {
-                let spread = spread_with(&solver, Some(&regulariser));
-                Solved { solver, regulariser: Some(regulariser), spread, has_factor: true }
-            }
-            // The images alone say which nodes are to blame.
-            Err(_) => {
-                let solver = Solver::iterative(matrix);
-                let spread = spread_with(&solver, None);
-                Solved { solver, regulariser: Some(regulariser), spread, has_factor: false }
-            }
-        }
+        let solver = regulariser.solver(matrix.clone());
+        let has_factor = solver.is_ok();
+        // Else the images alone say which nodes are to blame.
+        let solver = solver.unwrap_or_else(|_| Solver::iterative(matrix));
+        let spread = spread_with(&solver, Some(&regulariser).filter(|_| has_factor));
+        Solved { solver, regulariser: Some(regulariser), spread, has_factor }
     }
 }
 
-/// Prepares the finest level: matrix, factor, uncertainty. Nodes without texture are refused, left out or held by
-/// the regularisation, until what remains is determined.
+/// Prepares the finest level. Nodes without texture are refused, left out or held until the rest is determined.
 ///
-/// That may take a dozen rounds, each of which leaves out a few nodes: what does not change with them is kept from one
-/// to the next.
+/// That may take a dozen rounds, each of which leaves out a few nodes: what does not change is kept.
 pub(crate) fn finest_level<B: Backend>(
     backend: &B,
     frame: &mut B::Frame,
@@ -179,7 +156,7 @@ pub(crate) fn finest_level<B: Backend>(
     noise_gain: &NoiseGain,
     kernel: &KernelOptions,
     options: &Options,
-) -> Result<Finest<B>, CorrelationError> {
+) -> Result<Finest<B>> {
     let (mut prepared, moments) = backend.reference(frame, 0, mesh, kernel)?;
     let mesh = mesh.mesh.clone();
     let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
@@ -189,7 +166,10 @@ pub(crate) fn finest_level<B: Backend>(
     let mut dropped: Vec<TextureFault> = Vec::new();
     let splines = match options.elements {
         Elements::Bilinear => None,
-        Elements::CubicSpline => Some(Arc::new(on_regular_mesh(&mesh)?)),
+        Elements::CubicSpline => Some(Arc::new(splines(&mesh).ok_or_else(|| {
+            let zone = (0..mesh.zones().len()).find(|&zone| mesh.grid(zone).is_none()).unwrap_or(0);
+            CorrelationError::Splines { zone: mesh.zones()[zone].clone() }
+        })?)),
     };
     // The matrix of the last round that came so far, its spread, and the elements that have been left out since.
     let (mut made, mut left_out): (Option<(BlockMatrix, NodalSpread)>, Vec<u32>) = (None, Vec::new());
@@ -202,7 +182,9 @@ pub(crate) fn finest_level<B: Backend>(
             found = find_blank_zones(&mesh, &held);
         }
         if found.is_empty() {
-            let textured = textured(&keep, &held);
+            // Kept, and not held by the regularisation alone.
+            let mut textured = keep.clone();
+            held.iter().for_each(|fault| textured[fault.node] = false);
             let (splines, isa) = (splines.as_ref(), backend.host_isa());
             let round =
                 Round { isa, seen: &seen, pattern: &pattern, keep: &keep, textured, lambda, kernel, options, splines };
@@ -216,7 +198,7 @@ pub(crate) fn finest_level<B: Backend>(
                 })
             });
             if !has_factor && found.is_empty() {
-                found = find_least_determined(&mesh, spread.variance(), &keep);
+                found = find_least_determined(&mesh, &spread.variance, &keep);
             }
             if found.is_empty() {
                 let seen_by_nodes = seen_by_nodes(&seen.blocks, &seen.support);
@@ -246,22 +228,9 @@ pub(crate) fn finest_level<B: Backend>(
     }
 }
 
-/// The cubic splines on a mesh, which must be regular.
-fn on_regular_mesh(mesh: &Mesh<Px>) -> Result<Subspace, CorrelationError> {
-    splines(mesh).ok_or_else(|| {
-        let zone = (0..mesh.zones().len()).find(|&zone| mesh.grid(zone).is_none()).unwrap_or(0);
-        CorrelationError::Splines { zone: mesh.zones()[zone].clone() }
-    })
-}
-
 /// Refuses nodes without texture that are more than their share of a zone, or on a border of which none may be left
 /// out. `dropped` went before, because of others; `found` would follow.
-fn refuse_left_out(
-    mesh: &Mesh<Px>,
-    dropped: &[TextureFault],
-    found: &[TextureFault],
-    options: &Options,
-) -> Result<(), CorrelationError> {
+fn refuse_left_out(mesh: &Mesh<Px>, dropped: &[TextureFault], found: &[TextureFault], options: &Options) -> Result<()> {
     let mut all: Vec<TextureFault> = dropped.iter().chain(found).cloned().collect();
     all.sort_by_key(|fault| fault.node);
     for (zone, name) in mesh.zones().iter().enumerate() {
@@ -280,13 +249,6 @@ fn refuse_left_out(
         }
     }
     Ok(())
-}
-
-/// The nodes that see texture: kept, and not held by the regularisation alone.
-fn textured(keep: &[bool], held: &[TextureFault]) -> Vec<bool> {
-    let mut seen = keep.to_vec();
-    held.iter().for_each(|fault| seen[fault.node] = false);
-    seen
 }
 
 /// The faults of zones in which not one node sees texture: there is nothing that could hold them.

@@ -2,8 +2,7 @@
 //! `E[M] = M0 + lambda P`, `lambda = sigma^2 G / k`.
 
 use crate::backend::{ElementMoments, KernelOptions};
-use crate::correlate::noise::reference_noise::assumed_noise;
-use crate::correlate::prepare::options::Options;
+use crate::correlate::{Options, assumed_noise};
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation};
 use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, alike, upper};
@@ -35,12 +34,12 @@ impl AssumedNoise {
     ///
     /// Steps are made with the least that either says: too little is slow, and too much is worse.
     pub fn of(reference: &Image, options: &Options) -> Self {
-        let stated =
-            options.noise.constant().map_or(f64::INFINITY, |noise| noise / (options.n_references.max(1) as f64).sqrt());
+        let stated = options.noise.constant();
+        let of_mean = |noise: f64| noise / (options.n_references.max(1) as f64).sqrt();
         Self {
-            of_check: options.noise.constant().unwrap_or_else(|| assumed_noise(reference)),
-            is_stated: options.noise.constant().is_some(),
-            of_reference: fine_content(reference).min(stated),
+            of_check: stated.unwrap_or_else(|| assumed_noise(reference)),
+            is_stated: stated.is_some(),
+            of_reference: fine_content(reference).min(stated.map_or(f64::INFINITY, of_mean)),
         }
     }
 
@@ -56,16 +55,7 @@ impl AssumedNoise {
     }
 }
 
-/// The normal matrix of an element, that of the transfer eliminated where each element has its own.
-fn element_matrix(moments: &ElementMoments, options: &KernelOptions) -> ElementMatrix {
-    match options.brightness {
-        Brightness::Element => moments.matrix_without_transfer(),
-        _ => moments.matrix(),
-    }
-}
-
-/// `sum psi_i psi_j` over the pixels of an element. Of one that is cut by the border of its zone only the number of
-/// pixels counts, as if they lay evenly.
+/// `sum psi_i psi_j` over the pixels of an element; cut by the border of its zone, as if its pixels lay evenly.
 pub(crate) fn mass_matrix(mesh: &Mesh<Px>, element: usize, moments: &ElementMoments) -> ElementMatrix {
     alike(mean_products(mesh.corners(element)), moments.n)
 }
@@ -115,7 +105,11 @@ impl OfElement {
         options: &KernelOptions,
         lambda: f64,
     ) -> Self {
-        let (matrix, mass) = (element_matrix(moments, options), mass_matrix(mesh, element, moments));
+        let matrix = match options.brightness {
+            Brightness::Element => moments.matrix_without_transfer(),
+            _ => moments.matrix(),
+        };
+        let mass = mass_matrix(mesh, element, moments);
         if lambda <= 0.0 {
             return Self { matrix, mass, lambda: 0.0 };
         }
@@ -123,7 +117,6 @@ impl OfElement {
         Self { matrix: std::array::from_fn(|k| matrix[k] - lambda * mass[k]), mass, lambda }
     }
 
-    /// Of all elements.
     pub fn all(mesh: &Mesh<Px>, moments: &[ElementMoments], options: &KernelOptions, lambda: f64) -> Vec<Self> {
         let of_element = |(element, moments)| Self::new(mesh, element, moments, options, lambda);
         moments.par_iter().enumerate().with_min_len(64).map(of_element).collect()
@@ -148,7 +141,6 @@ pub(crate) fn diagonal_with_noise(
     })
 }
 
-/// Whether a symmetric matrix has a Cholesky factor.
 fn is_positive_definite(mut matrix: ElementMatrix) -> bool {
     for k in 0..8 {
         let pivot = matrix[upper(k, k)];
@@ -228,13 +220,10 @@ mod tests {
         let (lambda, mut taken) = (2.0, Vec::new());
         for weakest in [100.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.5, 0.2, 0.12, 0.1, 0.0] {
             // Odd rows and columns are those of the second component.
-            let matrix: ElementMatrix = {
-                let mut matrix = mass;
-                for (row, col) in (0..8).flat_map(|row| (row..8).map(move |col| (row, col))) {
-                    matrix[upper(row, col)] *= if row % 2 == 1 { weakest } else { 100.0 };
-                }
-                matrix
-            };
+            let mut matrix = mass;
+            for (row, col) in (0..8).flat_map(|row| (row..8).map(move |col| (row, col))) {
+                matrix[upper(row, col)] *= if row % 2 == 1 { weakest } else { 100.0 };
+            }
             let leaves_enough = |taken: f64| {
                 is_positive_definite(std::array::from_fn(|k| {
                     (1.0 - LEAST_SHARE_OF_STEPS) * matrix[k] - taken * mass[k]

@@ -1,8 +1,9 @@
 //! One scale of the pyramid: its mesh, its prepared reference, its solver.
 
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place, couple};
-use crate::correlate::prepare::gradient_noise::{AssumedNoise, OfElement, diagonal_with_noise, without_noise};
-use crate::correlate::prior::regularisation::{PenaltyScale, Regularisation, Regulariser};
+use crate::correlate::{
+    AssumedNoise, OfElement, PenaltyScale, Regularisation, Regulariser, diagonal_with_noise, find_faults, without_noise,
+};
 use crate::linalg::{Pattern, Solver};
 use crate::mesh::{Mesh, PixelMesh, shape_functions};
 use crate::units::Px;
@@ -19,13 +20,11 @@ pub(crate) struct Level<B: Backend> {
     pub keep: Vec<bool>,
     /// What holds the displacement beside the images, if anything does.
     pub regulariser: Option<Regulariser>,
-    /// What the noise of the reference adds to the mean square of each component of its gradient, as far as it was
-    /// taken off the matrix (THEORY 10).
+    /// What noise adds to the mean square of each component of the gradient, as far as taken off (THEORY 10).
     pub lambda: f64,
 }
 
-/// Position on the finer level of the point `x` of the next coarser one, and back: a coarse pixel is the
-/// mean of two fine ones, so its centre lies between theirs.
+/// Position on the finer level of a point of the coarser one, and back: a coarse pixel is the mean of two fine ones.
 fn finer(x: f64) -> f64 {
     2.0 * x + 0.5
 }
@@ -34,21 +33,18 @@ pub(crate) fn coarser(x: f64) -> f64 {
     0.5 * (x - 0.5)
 }
 
-/// `sum psi^2` per node over the pixels of its elements (about 4/9 l^2 inside): what a gradient of one
-/// grey level per pixel in one direction would give on the diagonal.
+/// `sum psi^2` per node over its pixels (about 4/9 l^2 inside): the diagonal for gradients of one grey level per px.
 pub(crate) fn support(pattern: &Pattern, moments: &[ElementMoments]) -> Vec<f64> {
     (0..pattern.n_nodes()).map(|node| support_of(pattern, moments, node)).collect()
 }
 
-/// That of one node.
 pub(crate) fn support_of(pattern: &Pattern, moments: &[ElementMoments], node: usize) -> f64 {
     // The mean of psi^2 over an element is a ninth.
     pattern.elements_of(node).iter().fold(0.0, |sum, &(element, _)| sum + moments[element as usize].n / 9.0)
 }
 
 impl<B: Backend> Level<B> {
-    /// A coarse level: nodes without texture are held by the regularisation, or where the start puts them; nothing
-    /// is refused.
+    /// A coarse level: nodes without texture are held by the regularisation, or stay where they start; none is refused.
     pub fn coarse(
         backend: &B,
         frame: &mut B::Frame,
@@ -69,28 +65,27 @@ impl<B: Backend> Level<B> {
         let of_elements = OfElement::all(&mesh, &moments, options, lambda);
         let blocks: Vec<_> =
             (0..mesh.n_nodes()).map(|node| diagonal_with_noise(&mesh, &pattern, &of_elements, node)).collect();
-        for fault in
-            crate::correlate::prepare::texture::find_faults(&mesh, &blocks, &support, &noise, options.interpolation)
-        {
-            keep[fault.node] = false;
-        }
+        let faults = find_faults(&mesh, &blocks, &support, &noise, options.interpolation);
+        faults.iter().for_each(|fault| keep[fault.node] = false);
         let moments = Arc::new(moments);
         let mut matrix = without_noise(&mesh, &pattern, &of_elements);
         let active = vec![true; mesh.n_elements()];
         let texture = PenaltyScale { matrix: &matrix, support: &support, seen: &keep };
-        let regulariser = Regulariser::new(regularisation.at_level(level), &mesh, &pattern, &active, &texture);
-        let regulariser = regulariser.map(|regulariser| regulariser.prepare_factor(&mesh));
-        if let Some(regulariser) = regulariser
-            && let Ok(solver) = regulariser.solver(matrix.clone())
-        {
-            let keep = vec![true; mesh.n_nodes()];
-            let solver = backend.solver(&prepared, couple(solver, &pattern, &moments, options.brightness))?;
-            return Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: Some(regulariser), lambda });
-        }
-        matrix.hold(&keep);
-        let solver = Solver::iterative(matrix);
+        let regulariser = Regulariser::new(regularisation.at_level(level), &mesh, &pattern, &active, &texture, true);
+        let regularised =
+            regulariser.and_then(|regulariser| Some((regulariser.solver(matrix.clone()).ok()?, regulariser)));
+        let (solver, regulariser) = match regularised {
+            Some((solver, regulariser)) => {
+                keep.fill(true);
+                (solver, Some(regulariser))
+            }
+            None => {
+                matrix.hold(&keep);
+                (Solver::iterative(matrix), None)
+            }
+        };
         let solver = backend.solver(&prepared, couple(solver, &pattern, &moments, options.brightness))?;
-        Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: None, lambda })
+        Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser, lambda })
     }
 
     /// Tells the device where the nodes lie in the next coarser level.

@@ -1,11 +1,10 @@
 //! Choices of a correlation.
 
-use crate::correlate::error::CorrelationError;
-use crate::correlate::prior::regularisation::Regularisation;
-use crate::correlate::prior::splines::KNOT_ELEMENTS;
+use crate::correlate::{CorrelationError, KNOT_ELEMENTS, Regularisation, Result};
 use crate::field::{Brightness, Elements, Noise, NoiseCorrelation, StartFrom};
 use crate::imaging::Interpolation;
 use crate::linalg::SolverChoice;
+use std::fmt::Display;
 
 /// Choices of a correlation; the defaults suit a first try.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,16 +13,13 @@ pub struct Options {
     pub element_size: usize,
     /// What the displacement is between the nodes.
     pub elements: Elements,
-    /// Elements with less than this share of their pixels inside their zone are left out, 0..=1; rectangles
-    /// hold whole elements.
+    /// Share of their pixels, 0..=1, that elements need inside their zone; rectangles hold whole elements.
     pub element_share: f64,
     /// Interpolation of the deformed image.
     pub interpolation: Interpolation,
-    /// Largest error of a node that the iteration may leave, as the corrections tell it, for a frame to count as
-    /// converged, px (docs/correlation.md, 2.2).
+    /// Largest error left at a node, by the corrections, of a frame that converged, px (docs/correlation.md, 2.2).
     pub tolerance_px: f64,
-    /// The same as a share of the smallest standard uncertainty of a node: the larger of the two counts (THEORY 10); 0
-    /// for the tolerance alone.
+    /// The same as a share of the smallest standard uncertainty of a node: the larger counts (THEORY 10); 0 for none.
     pub tolerance_by_sigma: f64,
     /// Gauss-Newton iterations on the finest level after which a frame is given up.
     pub max_iterations: usize,
@@ -39,8 +35,7 @@ pub struct Options {
     pub n_references: usize,
     /// Leave nodes without texture out, however many, instead of refusing the reference.
     pub drop_textureless: bool,
-    /// Share of the nodes of a zone that are left out for want of texture without having asked for it, 0..=1: the
-    /// reference is refused when there are more.
+    /// Share of the nodes of a zone, 0..=1, left out for want of texture unasked; more refuse the reference.
     pub textureless_share: f64,
     /// Zones of whose border no node is left out so, such as those whose edges are the faces of a joint.
     pub whole_borders: Vec<String>,
@@ -75,8 +70,7 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Noise variance of reference and deformed image together, in that of one image: `1 + 1/k` for the mean of k
-    /// references (THEORY 2 has 2, for one).
+    /// Noise variance of both images together, in that of one: `1 + 1/k` for the mean of k references (THEORY 2: 2).
     pub(crate) fn noise_of_both(&self) -> f64 {
         1.0 + 1.0 / self.n_references.max(1) as f64
     }
@@ -98,39 +92,38 @@ impl Options {
     ///
     /// # Errors
     /// [`CorrelationError::Option`] with the first that does not.
-    pub fn check(&self) -> Result<(), CorrelationError> {
-        let positive = |v: f64| v.is_finite() && v > 0.0;
-        let fault = |name, value: String, wanted| Err(CorrelationError::Option { name, value, wanted });
-        if !positive(self.tolerance_px) || self.tolerance_px > 1.0 {
-            return fault("the tolerance", self.tolerance_px.to_string(), "a positive number of pixels up to 1");
+    pub fn check(&self) -> Result<()> {
+        let fault = |name, value: &dyn Display, wanted| {
+            Err(CorrelationError::Option { name, value: value.to_string(), wanted })
+        };
+        if !(self.tolerance_px > 0.0 && self.tolerance_px <= 1.0) {
+            return fault("the tolerance", &self.tolerance_px, "a positive number of pixels up to 1");
         }
         if !(0.0..=0.1).contains(&self.tolerance_by_sigma) {
-            let share = self.tolerance_by_sigma.to_string();
-            return fault("the tolerance by the uncertainty", share, "a number from 0 to 0.1");
+            return fault("the tolerance by the uncertainty", &self.tolerance_by_sigma, "a number from 0 to 0.1");
         }
         if self.max_iterations == 0 {
-            return fault("the largest number of iterations", "0".into(), "at least 1");
+            return fault("the largest number of iterations", &0, "at least 1");
         }
         if !(0.0..=1.0).contains(&self.textureless_share) {
-            let share = self.textureless_share.to_string();
-            return fault("the share of nodes without texture", share, "a number from 0 to 1");
+            return fault("the share of nodes without texture", &self.textureless_share, "a number from 0 to 1");
         }
         if let Some(wanted) = self.noise.fault(f64::MAX) {
-            return fault("the noise", self.noise.to_string(), wanted);
+            return fault("the noise", &self.noise, wanted);
         }
         if let NoiseCorrelation::Factor(factor) = self.noise_correlation
             && self.noise_correlation.is_fault()
         {
-            return fault("the noise correlation", factor.to_string(), "a factor from 0.1 to 100");
+            return fault("the noise correlation", &factor, "a factor from 0.1 to 100");
         }
         if self.elements == Elements::CubicSpline {
             if self.element_size < 8 || !self.element_size.is_multiple_of(KNOT_ELEMENTS) {
                 let wanted = "an even number of pixels from 8 on: the mesh has nodes half as far apart";
-                return fault("the element size of cubic splines", self.element_size.to_string(), wanted);
+                return fault("the element size of cubic splines", &self.element_size, wanted);
             }
             if self.regularisation != Regularisation::None {
                 let wanted = "none with cubic-spline elements, or bilinear elements";
-                return fault("the regularisation", self.regularisation.kind().to_string(), wanted);
+                return fault("the regularisation", &self.regularisation.kind(), wanted);
             }
         }
         self.regularisation.check(self.element_size)

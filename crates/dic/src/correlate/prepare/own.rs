@@ -1,10 +1,7 @@
-//! What a frame is solved with of which elements have lost pixels: the matrix of the level where nothing has changed,
-//! made anew at the nodes of these elements.
+//! The matrix of a frame of which elements have lost pixels: that of the level, made anew at their nodes.
 
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions};
-use crate::correlate::prepare::gradient_noise::OfElement;
-use crate::correlate::prepare::level::Level;
-use crate::correlate::prior::regularisation::Regulariser;
+use crate::correlate::{Level, OfElement, Regulariser};
 use crate::linalg::{Pattern, Solver};
 use crate::mesh::Mesh;
 use crate::parts;
@@ -13,8 +10,7 @@ use crate::units::Px;
 /// Share of its texture by which an element that is left out takes part in a matrix with a penalty of its own.
 const HELD_SHARE: f64 = 1e-3;
 
-/// A frame's own solver, of the pixels that are inside the deformed image, and in what it differs from that of the
-/// level.
+/// A frame's own solver, of the pixels inside the deformed image, and in what it differs from that of the level.
 pub(crate) struct Own<B: Backend> {
     pub solver: B::Solver,
     pub changed: Changed,
@@ -68,8 +64,7 @@ pub(crate) struct Changed {
 }
 
 impl Changed {
-    /// Where the elements `lost`, ascending, have only these of the `moments` of all elements left; `lambda` is what
-    /// the noise of the gradient adds to its square.
+    /// Where the elements `lost`, ascending, have these `moments` left; noise adds `lambda` to the gradient's square.
     pub fn new(
         (mesh, pattern): (&Mesh<Px>, &Pattern),
         moments: &[ElementMoments],

@@ -1,19 +1,14 @@
 //! What is known of a prepared reference, whatever the device.
 
 use crate::backend::{ElementMoments, GreyTransfer, KernelOptions};
-use crate::correlate::error::TextureFault;
-use crate::correlate::noise::uncertainty::NodalSpread;
-use crate::correlate::prepare::gradient_noise::gradient_sums;
-use crate::correlate::prepare::options::Options;
-use crate::correlate::prior::border::BareBorder;
+use crate::correlate::{BareBorder, Correlation, NodalSpread, Options, TextureFault, ZoneResult, gradient_sums};
 use crate::field::Brightness;
 use crate::linalg::ElementMatrix;
 use crate::mesh::{Mesh, PixelSet};
 use crate::units::Px;
 use std::sync::Arc;
 
-/// A reference image prepared for correlation, but for what lies on the device: what [`crate::correlate::Correlator`]
-/// and [`crate::correlate::Correlate`] lead to.
+/// What [`crate::correlate::Correlator`] and [`crate::correlate::Correlate`] know of a reference, but for the device.
 pub struct Reference {
     pub(crate) device: String,
     pub(crate) frames_in_flight: usize,
@@ -60,8 +55,7 @@ impl Reference {
         &self.dropped
     }
 
-    /// Nodes without texture of their own that the regularisation holds: their displacement follows that of
-    /// the nodes around them.
+    /// Nodes without texture of their own, which the regularisation holds: they follow the nodes around them.
     pub fn held(&self) -> &[TextureFault] {
         &self.held
     }
@@ -95,12 +89,11 @@ impl Reference {
     /// regularisation `sqrt(2 (A^-1 M A^-1)_ii)`. With the mean of k references 1 + 1/k stands for 2.
     pub fn unit_sigma(&self) -> Vec<[f64; 2]> {
         let both = self.options.noise_of_both();
-        self.spread.variance().iter().map(|v| v.map(|v| (both * v).sqrt())).collect()
+        self.spread.variance.iter().map(|v| v.map(|v| (both * v).sqrt())).collect()
     }
 
     /// The normal matrices of the elements of the finest level, whose sum `M` gives the covariance `2 sigma^2 M^-1` of
-    /// every field; `None` with regularisation or splines, or with brightness for each element, where it is not of this
-    /// form.
+    /// every field; `None` with regularisation, splines, or brightness for each element, where it is none of these.
     pub fn normal_matrices(&self) -> Option<Vec<ElementMatrix>> {
         let plain = !self.options.is_held() && self.options.brightness != Brightness::Element;
         plain.then(|| self.moments.iter().map(|moments| moments.matrix()).collect())
@@ -114,16 +107,10 @@ impl Reference {
         self.moments.iter().map(|moments| gain * moments.n).collect()
     }
 
-    /// Error that is left below which a frame counts as converged, px: the tolerance of the options, or 1 % of the
-    /// smallest standard uncertainty of a node if that is more, for the noise that the reference seems to have (at
-    /// most the stated one; THEORY 10).
+    /// Error left below which a frame counts as converged, px: the tolerance of the options, or 1 % of the smallest
+    /// standard uncertainty of a node if larger, for the noise of the reference, at most that stated (THEORY 10).
     pub fn tolerance_px(&self) -> f64 {
         self.tolerance_px
-    }
-
-    /// The pixels of each zone that are summed over.
-    pub(crate) fn zone_pixels(&self) -> &[PixelSet] {
-        &self.zone_pixels
     }
 
     /// Columns and rows of the images.
@@ -131,23 +118,21 @@ impl Reference {
         self.size
     }
 
-    /// The grey level that is subtracted from all images.
-    pub(crate) fn grey_offset(&self) -> f32 {
-        self.kernel.grey_offset
-    }
-
     /// Whether an element of the finest level holds any pixel and no node that is left out.
     pub(crate) fn in_use(&self, element: usize) -> bool {
         self.moments[element].n > 0.0
     }
 
-    /// Share of the reference's mean square gradient in a zone that is none of texture but of image noise of `noise`
-    /// grey levels: `G noise^2 / g^2` with the noise gain G of the gradient, at most 1.
-    pub(crate) fn noise_share(&self, zone: usize, noise: f64) -> f64 {
-        let moments = &self.moments[self.mesh.zone_elements(zone)];
-        let power: f64 = moments.iter().map(|m| gradient_sums(m)[0] + gradient_sums(m)[2]).sum();
-        let support: f64 = moments.iter().map(|m| 2.0 * m.n).sum();
-        let from_noise = noise * noise * self.options.interpolation.gradient_noise_gain() * support;
-        if from_noise < power { from_noise / power } else { 1.0 }
+    /// Share of the reference's mean square gradient in each zone that is none of texture but of the image noise that a
+    /// frame was found to have: `G noise^2 / g^2` with the noise gain G of the gradient, at most 1.
+    pub(crate) fn noise_shares(&self, found: &Correlation) -> Vec<f64> {
+        let of_zone = |(zone, ZoneResult { noise, .. }): (usize, &ZoneResult)| {
+            let moments = &self.moments[self.mesh.zone_elements(zone)];
+            let power: f64 = moments.iter().map(|m| gradient_sums(m)[0] + gradient_sums(m)[2]).sum();
+            let support: f64 = moments.iter().map(|m| 2.0 * m.n).sum();
+            let from_noise = noise * noise * self.options.interpolation.gradient_noise_gain() * support;
+            if from_noise < power { from_noise / power } else { 1.0 }
+        };
+        found.zones.iter().enumerate().map(of_zone).collect()
     }
 }

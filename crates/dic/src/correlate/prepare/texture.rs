@@ -1,31 +1,27 @@
 //! Does every node see texture? (THEORY 2)
 
 use crate::backend::ElementMatch;
-use crate::correlate::error::{Lack, TextureFault};
-use crate::correlate::prepare::gradient_noise::AssumedNoise;
+use crate::correlate::{AssumedNoise, Lack, TextureFault};
 use crate::imaging::Interpolation;
 use crate::mesh::Mesh;
 use crate::units::Px;
 use rayon::prelude::*;
 
-/// A node is without texture when its weakest gradient direction carries less than this many times what
-/// image noise alone would put there on average. The sums over few pixels scatter: a node of `support` (sum
-/// of psi^2) sees about 2.8 times as many independent pixels, and the margin is five and a half standard
-/// deviations of their mean square.
+/// A node is without texture when its weakest gradient direction carries less than this many times the average of
+/// noise. A node of `support` (sum of psi^2) sees about 2.8 times as many independent pixels, and the margin is five
+/// and a half standard deviations of their mean square.
 ///
-/// An assumed noise may be too small, so that half as much again is asked for; of a stated one it is enough that more
-/// is there than the noise can scatter by: that something is left of the matrix without its noise (THEORY 10).
+/// An assumed noise may be too small: half as much again is asked for. Of a stated one it is enough that something is
+/// left of the matrix without its noise (THEORY 10).
 fn noise_margin(support: f64, is_stated: bool) -> f64 {
     let safety = if is_stated { 1.0 } else { 1.5 };
     safety + 4.8 / support.max(1.0).sqrt()
 }
 
-/// The nodes whose 2x2 block is singular within the noise of standard deviation `noise` (grey levels);
-/// those without any pixel (`support` zero) among them.
+/// The nodes whose 2x2 block is singular within the `noise`, grey levels; those without any pixel among them.
 ///
-/// The block is `sum psi^2 grad f grad f^T`; its smallest eigenvalue over `sum psi^2` is the mean square
-/// gradient in the weakest direction. White noise alone gives `noise^2` times the gain of the gradient: the `blocks`,
-/// as `[xx, xy, yy]`, are those with their noise.
+/// The block is `sum psi^2 grad f grad f^T`; its smallest eigenvalue over `sum psi^2` is the mean square gradient in
+/// the weakest direction. Noise adds `noise^2` times the gain of the gradient, to `blocks`, `[xx, xy, yy]`, too.
 pub(crate) fn find_faults(
     mesh: &Mesh<Px>,
     blocks: &[[f64; 3]],
@@ -38,11 +34,9 @@ pub(crate) fn find_faults(
         .into_par_iter()
         .with_min_len(2048)
         .filter_map(|node| {
-            let [xx, xy, yy] = blocks[node];
-            let (mean, half) = (0.5 * (xx + yy), (0.25 * (xx - yy).powi(2) + xy * xy).sqrt());
             let weight = support[node].max(f64::MIN_POSITIVE);
             let needed = noise_margin(weight, noise.is_stated) * from_noise;
-            let (weakest, strongest) = ((mean - half).max(0.0) / weight, (mean + half) / weight);
+            let [weakest, strongest] = weakest_and_strongest(blocks[node], weight);
             // The relative floor catches exact stripes in noise-free images, where f32 leaves a rest.
             let fault = support[node] <= 0.0 || weakest <= needed || weakest <= 1e-5 * strongest;
             fault.then(|| TextureFault {
@@ -58,6 +52,12 @@ pub(crate) fn find_faults(
         .collect()
 }
 
+/// Mean squares of the gradient in its weakest and its strongest direction, by a block and the sum of psi^2.
+fn weakest_and_strongest([xx, xy, yy]: [f64; 3], weight: f64) -> [f64; 2] {
+    let (mean, half) = (0.5 * (xx + yy), (0.25 * (xx - yy).powi(2) + xy * xy).sqrt());
+    [(mean - half).max(0.0) / weight, (mean + half) / weight]
+}
+
 /// What a node sees: enough to ask again whether that is texture, when the noise is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SeenByNode {
@@ -69,9 +69,9 @@ pub(crate) struct SeenByNode {
 
 /// What every node sees, by its block with its noise.
 pub(crate) fn seen_by_nodes(blocks: &[[f64; 3]], support: &[f64]) -> Vec<SeenByNode> {
-    let seen = |(&[xx, xy, yy], &support): (&[f64; 3], &f64)| {
-        let (mean, half) = (0.5 * (xx + yy), (0.25 * (xx - yy).powi(2) + xy * xy).sqrt());
-        SeenByNode { weakest: (mean - half).max(0.0) / support.max(f64::MIN_POSITIVE), support }
+    let seen = |(&block, &support): (&[f64; 3], &f64)| {
+        let [weakest, _] = weakest_and_strongest(block, support.max(f64::MIN_POSITIVE));
+        SeenByNode { weakest, support }
     };
     blocks.iter().zip(support).map(seen).collect()
 }
@@ -90,9 +90,9 @@ impl SeenByNode {
     }
 }
 
-/// The nodes of `measured` that see nothing but noise, after the residual of a frame: the mean square of those of a
-/// node's elements, divided by `of_pair` (what noise of one grey level in one image gives, per zone), is the noise
-/// there. The quietest places of the reference, by which it was checked at first, may be the holes themselves.
+/// The nodes of `measured` that see nothing but noise: the mean square of the residual of a node's elements over
+/// `of_pair` (what noise of one grey level in one image gives, per zone). The quietest places of the reference, by
+/// which it was checked at first, may be the holes themselves.
 ///
 /// `gain` is what noise of variance one adds to the mean square of the reference's gradient.
 pub(crate) fn lost_in_noise(

@@ -9,9 +9,8 @@ use std::collections::{HashMap, HashSet};
 
 /// A zone that ends at a place without texture and has no guard there.
 ///
-/// Interpolation and gradient mix what lies beyond a border into the pixels beside it. Where that is a dark
-/// band, which does not move with the specimen, the nodes of the border are pulled by 0.1 to 0.2 px; leaving
-/// out three pixels ([`crate::mesh::Guard`]) takes this away (THEORY 2).
+/// Interpolation and gradient mix what lies beyond a border into the pixels beside it: a dark band, which does not
+/// move, pulls the nodes there by 0.1 to 0.2 px; leaving out three pixels ([`crate::mesh::Guard`]) helps (THEORY 2).
 #[derive(Debug, Clone, PartialEq)]
 pub struct BareBorder {
     /// Zone's name.
@@ -44,8 +43,7 @@ struct Beside {
     within: [f64; N_WITHIN],
 }
 
-/// The zones that border on a place without texture where they have no guard: along what is left of them without the
-/// nodes that are not in `keep`.
+/// The zones that border on a place without texture and have no guard there, without the nodes that are not in `keep`.
 ///
 /// Between sparse speckles there is room for a short bare strip. So strips of as many elements are compared as are
 /// never bare within the zone: those along the border, and the same moved inwards by up to 24 px.
@@ -79,19 +77,14 @@ pub(crate) fn bare_borders(
             let Some(longest) = bare.iter().copied().max_by(|&a, &b| length(a).total_cmp(&length(b))) else { continue };
             let length_px = bare.iter().map(|&edge| length(edge)).sum();
             let [a, b] = ends(longest);
-            let at = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+            let at = [0, 1].map(|c| 0.5 * (a[c] + b[c]));
             found.push(BareBorder { zone: given.name.clone(), length_px, at, is_within });
         }
     }
     found
 }
 
-fn sides(nodes: [u32; 4]) -> impl Iterator<Item = [u32; 2]> {
-    (0..4).map(move |k| [nodes[k], nodes[(k + 1) % 4]]).filter(|[a, b]| a != b)
-}
-
-/// The edges of a zone's elements for which `counts` holds that belong to one of these alone, with the inside to their
-/// right, by element.
+/// The edges of a zone that belong to one element alone of those for which `counts` holds, inside to their right.
 fn outline(
     (mesh, pattern): (&Mesh<Px>, &Pattern),
     zone: usize,
@@ -105,7 +98,8 @@ fn outline(
     };
     let of_element = |element: usize| {
         let nodes = mesh.elements()[element];
-        sides(nodes).filter(|edge| counts(&nodes) && !is_shared(edge, element)).collect::<Vec<_>>()
+        let sides = (0..4).map(|k| [nodes[k], nodes[(k + 1) % 4]]).filter(|[a, b]| a != b);
+        sides.filter(|edge| counts(&nodes) && !is_shared(edge, element)).collect::<Vec<_>>()
     };
     mesh.zone_elements(zone).into_par_iter().with_min_len(2048).flat_map_iter(of_element).collect()
 }
@@ -115,11 +109,10 @@ fn chains(edges: impl Iterator<Item = [u32; 2]>) -> Vec<Vec<[u32; 2]>> {
     let edges: Vec<[u32; 2]> = edges.collect();
     let mut next: HashMap<u32, Vec<[u32; 2]>> = HashMap::new();
     edges.iter().for_each(|&edge| next.entry(edge[0]).or_default().push(edge));
-    let mut n_before: HashMap<u32, usize> = HashMap::new();
-    edges.iter().for_each(|edge| *n_before.entry(edge[1]).or_default() += 1);
+    let led_to: HashSet<u32> = edges.iter().map(|edge| edge[1]).collect();
     let mut chains = Vec::new();
     // From where nothing leads to first; what is left are closed lines.
-    let is_begin = |edge: &&[u32; 2]| !n_before.contains_key(&edge[0]);
+    let is_begin = |edge: &&[u32; 2]| !led_to.contains(&edge[0]);
     let order: Vec<[u32; 2]> = edges.iter().filter(is_begin).chain(&edges).copied().collect();
     for start in order {
         let mut chain = Vec::new();
@@ -135,8 +128,7 @@ fn chains(edges: impl Iterator<Item = [u32; 2]>) -> Vec<Vec<[u32; 2]>> {
     chains
 }
 
-/// The edges beside which there is no texture. Where that `is_known` (the nodes there were left out for it), chance is
-/// not asked.
+/// The edges beside which there is no texture; chance is not asked where that `is_known` (nodes were left out for it).
 fn bare_edges(chains: &[Vec<[u32; 2]>], seen: &HashMap<[u32; 2], Beside>, is_known: bool) -> Vec<[u32; 2]> {
     let longest = chains.iter().map(Vec::len).max().unwrap_or(0);
     let mut n = LEAST_EDGES;
@@ -160,8 +152,7 @@ fn bare_edges(chains: &[Vec<[u32; 2]>], seen: &HashMap<[u32; 2], Beside>, is_kno
     Vec::new()
 }
 
-/// What is seen along the edge from `a` to `b`, which has the inside to its right (y down); `None` where rows beyond it
-/// lie outside the image, from where nothing is mixed in.
+/// What is seen along the edge from `a` to `b`, inside to its right (y down); `None` if rows beyond it are outside.
 fn look_beside(image: &Image, a: [f64; 2], b: [f64; 2]) -> Option<Beside> {
     let way = [b[0] - a[0], b[1] - a[1]];
     let length = way[0].hypot(way[1]);

@@ -4,8 +4,7 @@ use crate::backend::ElementMatch;
 use crate::mesh::Mesh;
 use crate::units::Px;
 
-/// The displacement with that of nodes without elements that count as the field around them would have it, see
-/// [`fill_field`].
+/// The displacement, filled ([`fill_field`]) at nodes without elements that count.
 pub(crate) fn continue_field(mesh: &Mesh<Px>, displacement: &[[f64; 2]], elements: &[ElementMatch]) -> Vec<[f64; 2]> {
     let mut known = vec![false; mesh.n_nodes()];
     for (nodes, found) in mesh.elements().iter().zip(elements) {
@@ -14,8 +13,7 @@ pub(crate) fn continue_field(mesh: &Mesh<Px>, displacement: &[[f64; 2]], element
     fill_field(mesh, displacement, known)
 }
 
-/// The displacement with that of nodes where it is not `known` as the field around them would have it: the affine
-/// motion of the zone, and what is beyond it harmonic.
+/// The displacement, where not `known` as the field around has it: the affine motion of the zone plus a harmonic rest.
 pub(crate) fn fill_field(mesh: &Mesh<Px>, displacement: &[[f64; 2]], mut known: Vec<bool>) -> Vec<[f64; 2]> {
     let mut all = displacement.to_vec();
     for (known, u) in known.iter_mut().zip(&all) {
@@ -23,13 +21,11 @@ pub(crate) fn fill_field(mesh: &Mesh<Px>, displacement: &[[f64; 2]], mut known: 
     }
     // Along mesh lines, of the nodes that are not known: few, as a rule.
     let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); mesh.n_nodes()];
-    for nodes in mesh.elements() {
-        for k in 0..4 {
-            let [a, b] = [nodes[k], nodes[(k + 1) % 4]];
-            for (node, other) in [(a, b), (b, a)] {
-                if a != b && !known[node as usize] {
-                    neighbours[node as usize].push(other);
-                }
+    for (nodes, k) in mesh.elements().iter().flat_map(|nodes| (0..4).map(move |k| (nodes, k))) {
+        let [a, b] = [nodes[k], nodes[(k + 1) % 4]];
+        for (node, other) in [(a, b), (b, a)] {
+            if a != b && !known[node as usize] {
+                neighbours[node as usize].push(other);
             }
         }
     }
@@ -39,15 +35,13 @@ pub(crate) fn fill_field(mesh: &Mesh<Px>, displacement: &[[f64; 2]], mut known: 
         if unknown.is_empty() || unknown.len() == nodes.len() {
             continue;
         }
-        let given: Vec<_> =
-            nodes.clone().filter(|&node| known[node]).map(|node| (mesh.nodes()[node], all[node])).collect();
-        let affine = affine(&given);
-        let rest = |node: usize, u: [f64; 2]| {
-            let by = affine(mesh.nodes()[node]);
-            [u[0] - by[0], u[1] - by[1]]
-        };
+        let given = || nodes.clone().filter(|&node| known[node]);
+        let affine = affine(&given().map(|node| (mesh.nodes()[node], all[node])).collect::<Vec<_>>());
         let mut beyond: Vec<[f64; 2]> = vec![[0.0; 2]; nodes.len()];
-        nodes.clone().filter(|&node| known[node]).for_each(|node| beyond[node - nodes.start] = rest(node, all[node]));
+        for node in given() {
+            let by = affine(mesh.nodes()[node]);
+            beyond[node - nodes.start] = [0, 1].map(|c| all[node][c] - by[c]);
+        }
         let mut reached: Vec<bool> = nodes.clone().map(|node| known[node]).collect();
         /// Sweeps of Gauss and Seidel, which carry a value about as many elements far.
         const SWEEPS: usize = 60;

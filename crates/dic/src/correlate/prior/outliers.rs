@@ -1,6 +1,6 @@
 //! Nodes of a coarse level that have lost their way, told by those around them.
 
-use crate::correlate::prior::filled::fill_field;
+use crate::correlate::fill_field;
 use crate::linalg::Pattern;
 use crate::mesh::Mesh;
 use crate::units::Px;

@@ -1,6 +1,6 @@
 //! Regularisation with a cut-off length (THEORY 2): the penalty `w R` on the displacement.
 
-use crate::correlate::error::CorrelationError;
+use crate::correlate::{CorrelationError, Result};
 use crate::field::RegularisationKind;
 use crate::linalg::{
     BlockMatrix, ElementMatrix, NotPositiveDefinite, Pattern, Solver, Spread, Subspace, dissection, spread,
@@ -12,8 +12,7 @@ use std::sync::Arc;
 
 /// What holds the displacement beside the images, and up to which wavelength.
 ///
-/// Waves of the displacement much longer than the cut-off length pass, those much shorter are suppressed.
-/// Nodes that see no texture are carried along by their neighbours.
+/// Much longer waves pass, much shorter ones are suppressed; nodes without texture follow their neighbours.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Regularisation {
     /// Nothing.
@@ -61,8 +60,7 @@ impl Regularisation {
         }
     }
 
-    /// Share of the amplitude of a wave of `wavelength_px` that is left, for a texture alike everywhere and far
-    /// from borders; of a shear wave for the equilibrium gap.
+    /// Share left of the amplitude of a wave (a shear wave for the equilibrium gap) in even texture far from borders.
     ///
     /// ```
     /// # use quadrille_dic as quadrille;
@@ -80,9 +78,8 @@ impl Regularisation {
         }
     }
 
-    /// The penalty `w R` on the nodes of `mesh`, for a reference whose gradient has the mean square
-    /// `gradient` (one component; (grey levels per px)^2, one value per zone): the minimised sum of squares
-    /// becomes `Phi^2 + a . w R a`. None without regularisation.
+    /// The penalty `w R` on the nodes of `mesh`, for a mean square `gradient` of the reference (one component; (grey
+    /// levels per px)^2, per zone): what is minimised becomes `Phi^2 + a . w R a`. None without regularisation.
     ///
     /// # Panics
     /// When there are fewer values than zones.
@@ -114,7 +111,7 @@ impl Regularisation {
     }
 
     /// Whether its numbers make sense for elements of `element_size` px.
-    pub(crate) fn check(self, element_size: usize) -> Result<(), CorrelationError> {
+    pub(crate) fn check(self, element_size: usize) -> Result<()> {
         let fault = |name, value: f64, wanted| Err(CorrelationError::Option { name, value: value.to_string(), wanted });
         if let Some(cutoff_px) = self.cutoff_px() {
             if !(cutoff_px.is_finite() && cutoff_px > 0.0) {
@@ -133,32 +130,25 @@ impl Regularisation {
     }
 
     /// The same on a level of the pyramid, in its pixels.
-    pub(crate) fn at_level(self, level: usize) -> Self {
-        let scale = 0.5f64.powi(level.min(60) as i32);
-        match self {
-            Self::None => Self::None,
-            Self::Tikhonov { cutoff_px } => Self::Tikhonov { cutoff_px: scale * cutoff_px },
-            Self::EquilibriumGap { cutoff_px, poisson } => {
-                Self::EquilibriumGap { cutoff_px: scale * cutoff_px, poisson }
-            }
+    pub(crate) fn at_level(mut self, level: usize) -> Self {
+        if let Self::Tikhonov { cutoff_px } | Self::EquilibriumGap { cutoff_px, .. } = &mut self {
+            *cutoff_px *= 0.5f64.powi(level.min(60) as i32);
         }
+        self
     }
 }
 
 /// What holds the displacement of one level, ready for any matrix of its data.
-#[derive(Debug)]
 pub(crate) enum Regulariser {
-    /// A penalty.
     Penalty(Penalty),
     /// The nodes are bound to splines.
     Splines(Arc<Subspace>),
 }
 
 /// The penalty of one level, ready to be added to any matrix of its data.
-#[derive(Debug)]
 pub(crate) struct Penalty {
     matrix: Arc<BlockMatrix>,
-    /// Elimination order of factors; empty where it has none, see [`Regulariser::factored`].
+    /// Elimination order of factors; empty where it has none, see [`Regulariser::new`].
     order: Vec<usize>,
     /// How far what happens at a node reaches, px.
     reach_px: f64,
@@ -185,30 +175,22 @@ impl Regulariser {
     /// The penalty on the elements of `mesh` that are `active`; none without regularisation.
     ///
     /// `w` follows from `g^2`, the mean square of a component of the gradient of the reference over the nodes of a
-    /// zone that see texture: a wave of the cut-off length weighs as much in `w R` as in `M`.
+    /// zone that see texture: a wave of the cut-off length weighs as much in `w R` as in `M`. Only a penalty that acts
+    /// over a few elements can be solved with `with_factor` not set, in steps.
     pub fn new(
         regularisation: Regularisation,
         mesh: &Mesh<Px>,
         pattern: &Arc<Pattern>,
         active: &[bool],
         texture: &PenaltyScale<'_>,
+        with_factor: bool,
     ) -> Option<Self> {
-        if regularisation == Regularisation::None {
-            return None;
-        }
+        let reach_px = REACH * regularisation.cutoff_px()?;
         let gradient = mean_square_gradient(mesh, texture);
         let matrix = Arc::new(regularisation.penalty_on(mesh, pattern, active, &gradient)?);
-        let reach_px = REACH * regularisation.cutoff_px().unwrap_or(0.0);
-        Some(Self::Penalty(Penalty { matrix, order: Vec::new(), reach_px }))
-    }
-
-    /// The same ready for factors, without which only a penalty that acts over a few elements can be solved with, in
-    /// steps.
-    pub fn prepare_factor(mut self, mesh: &Mesh<Px>) -> Self {
-        if let Self::Penalty(Penalty { matrix, order, .. }) = &mut self {
-            *order = dissection(matrix.pattern(), mesh.nodes(), 0..mesh.n_nodes());
-        }
-        self
+        let nodes = if with_factor { 0..mesh.n_nodes() } else { 0..0 };
+        let order = dissection(matrix.pattern(), mesh.nodes(), nodes);
+        Some(Self::Penalty(Penalty { matrix, order, reach_px }))
     }
 
     /// The solver of the data's matrix with it. Nodes that are not kept must be out of both.
@@ -230,8 +212,7 @@ impl Regulariser {
         }
     }
 
-    /// Variances and degrees of freedom of the solution with the data's matrix at the nodes `redone`, as if all but the
-    /// `free` ones, which hold them, were held; both ascending.
+    /// Variances and degrees of freedom at the nodes `redone` as if all but the `free` ones were held; both ascending.
     pub fn spread_of_part(
         &self,
         data: &BlockMatrix,
@@ -263,21 +244,19 @@ impl Regulariser {
 
 /// `g^2` of each zone: `sum M_ii / (2 sum psi^2)` over the nodes that see texture, or over all if none does.
 fn mean_square_gradient(mesh: &Mesh<Px>, texture: &PenaltyScale<'_>) -> Vec<f64> {
-    (0..mesh.zones().len())
-        .map(|zone| {
-            let any = mesh.zone_nodes(zone).any(|node| texture.seen[node]);
-            let (mut trace, mut support) = (0.0, 0.0);
-            for node in mesh.zone_nodes(zone).filter(|&node| texture.seen[node] || !any) {
-                let [xx, _, yy] = texture.matrix.diagonal(node);
-                trace += xx + yy;
-                support += 2.0 * texture.support[node];
-            }
-            if support > 0.0 { trace / support } else { 0.0 }
-        })
-        .collect()
+    let of_zone = |zone: usize| {
+        let any = mesh.zone_nodes(zone).any(|node| texture.seen[node]);
+        let (mut trace, mut support) = (0.0, 0.0);
+        for node in mesh.zone_nodes(zone).filter(|&node| texture.seen[node] || !any) {
+            let [xx, _, yy] = texture.matrix.diagonal(node);
+            trace += xx + yy;
+            support += 2.0 * texture.support[node];
+        }
+        if support > 0.0 { trace / support } else { 0.0 }
+    };
+    (0..mesh.zones().len()).map(of_zone).collect()
 }
 
-/// A point of the 2 x 2 Gauss rule.
 struct GaussPoint {
     /// Area that it stands for.
     area: f64,
@@ -286,8 +265,7 @@ struct GaussPoint {
     gradient: [[f64; 2]; 4],
 }
 
-/// The points of the 2 x 2 Gauss rule; exact for what is integrated here on parallelograms. An element without area
-/// holds nothing.
+/// The points of the 2 x 2 Gauss rule, exact here on parallelograms. An element without area holds nothing.
 fn gauss_points(element: &ElementGeometry) -> impl Iterator<Item = GaussPoint> {
     GAUSS_POINTS.into_iter().filter_map(move |at| {
         let map = element.map_at(at);
@@ -303,18 +281,18 @@ fn gauss_points(element: &ElementGeometry) -> impl Iterator<Item = GaussPoint> {
 fn element_matrix(shape: &ElementGeometry, block: impl Fn(&GaussPoint, usize, usize) -> [f64; 4]) -> ElementMatrix {
     let mut matrix = [0.0; 36];
     for point in gauss_points(shape) {
-        let mut at = 0;
-        for i in 0..8 {
-            for j in i..8 {
-                matrix[at] += point.area * block(&point, i / 2, j / 2)[2 * (i % 2) + j % 2];
-                at += 1;
-            }
+        for (value, (i, j)) in matrix.iter_mut().zip(upper_pairs()) {
+            *value += point.area * block(&point, i / 2, j / 2)[2 * (i % 2) + j % 2];
         }
     }
     matrix
 }
 
-/// A matrix assembled from the active elements.
+/// Row and column of each number of an [`ElementMatrix`].
+pub(crate) fn upper_pairs() -> impl Iterator<Item = (usize, usize)> {
+    (0..8).flat_map(|i| (i..8).map(move |j| (i, j)))
+}
+
 fn assemble(
     mesh: &Mesh<Px>,
     pattern: &Arc<Pattern>,
@@ -341,16 +319,14 @@ fn laplacian(mesh: &Mesh<Px>, pattern: &Arc<Pattern>, active: &[bool], weight: &
 
 /// `w K^T D^-1 K` over the inner nodes, and at border nodes a penalty on the bending of the border.
 ///
-/// `K` is the stiffness of a plate in plane stress with shear modulus 1, and `D` the area of each node, so that a
-/// row of `D^-1 K` is the divergence of the stress there and its weight does not depend on the mesh.
+/// `K` is the stiffness in plane stress, shear modulus 1, `D` the area of each node: `D^-1 K` is the divergence of
+/// stress.
 ///
-/// At a border node the balance of forces holds unknown tractions. What is asked for there instead is that the
-/// displacement of the node agree with the plane through its two neighbours along the border and, where these are
-/// not in line with it, one more node around it ([`flatness`]). Along a straight border that is the second
-/// difference; at a corner it is the twist. So every node has one balance of its own, and no field but the affine
-/// ones is left free. `depth` times the length of the border at the node is the area that this stands for: an
-/// equilibrated wave of the cut-off length along a border reaches `L / (4 pi)` deep (its square, integrated), so
-/// that waves along borders are cut at the same length as those inside.
+/// At a border node the balance of forces holds unknown tractions. Instead its displacement is to agree with the plane
+/// through its two neighbours along the border and, where these are not in line with it, one more node ([`flatness`]):
+/// along a straight border the second difference, at a corner the twist. So no field but the affine ones is left free.
+/// `depth` times the length of border at the node is the area that this stands for: an equilibrated wave of the cut-off
+/// length along a border reaches `L / (4 pi)` deep (its square, integrated), and is cut at the same length.
 fn equilibrium_gap(
     mesh: &Mesh<Px>,
     pattern: &Arc<Pattern>,
@@ -427,15 +403,9 @@ fn most_opposite(mesh: &Mesh<Px>, node: usize, neighbours: &[u32]) -> Option<[u3
 
 /// The neighbours of each node along the border of the active elements: none inside, two or more on a border.
 fn border_neighbours(mesh: &Mesh<Px>, active: &[bool]) -> Vec<Vec<u32>> {
-    let mut edges: Vec<[u32; 2]> = Vec::with_capacity(4 * mesh.n_elements());
-    for (nodes, _) in mesh.elements().iter().zip(active).filter(|(_, active)| **active) {
-        for k in 0..4 {
-            let (a, b) = (nodes[k], nodes[(k + 1) % 4]);
-            if a != b {
-                edges.push([a.min(b), a.max(b)]);
-            }
-        }
-    }
+    let elements = mesh.elements().iter().zip(active).filter(|(_, active)| **active);
+    let sides = elements.flat_map(|(nodes, _)| (0..4).map(|k| [nodes[k], nodes[(k + 1) % 4]]));
+    let mut edges: Vec<[u32; 2]> = sides.filter(|[a, b]| a != b).map(|[a, b]| [a.min(b), a.max(b)]).collect();
     edges.sort_unstable();
     let mut neighbours = vec![Vec::new(); mesh.n_nodes()];
     for same in edges.chunk_by(|a, b| a == b) {

@@ -21,8 +21,7 @@ fn cubic(t: f64) -> f64 {
 /// The fields on `mesh` whose values at the nodes are those of a bicubic spline, one for each zone, with knots
 /// [`KNOT_ELEMENTS`] elements apart; `None` where a zone has no grid.
 ///
-/// Every function that has a value at a node is one of them, so that at a border, too, no polynomial up to the third
-/// degree is missing.
+/// Every function with a value at a node is one of them: at a border, too, no cubic polynomial is missing.
 pub(crate) fn splines(mesh: &Mesh<Px>) -> Option<Subspace> {
     let mut of_nodes = Vec::with_capacity(mesh.n_nodes());
     let (mut coupled, mut lines, mut middles) = (Vec::<Vec<u32>>::new(), Vec::new(), Vec::new());
@@ -59,10 +58,9 @@ pub(crate) fn splines(mesh: &Mesh<Px>) -> Option<Subspace> {
     Some(Subspace::new(&of_nodes, &coupled, &lines, &middles))
 }
 
-/// Standard uncertainty of a value at each node (`crate::field::PointFilter`) over that of its coefficient.
-/// Neighbouring coefficients scatter nearly alike, so that the filter takes less of it than between elements of their
-/// own, by the column and the row of the node; two elements from a border, and in a zone that is no rectangle, the same
-/// is stated for both.
+/// Standard uncertainty of a value at each node (`crate::field::PointFilter`) over that of its coefficient, by its
+/// column and row: neighbouring coefficients scatter nearly alike, so that the filter takes less of it than between
+/// elements of their own. Two elements from a border, and in a zone that is no rectangle, both are alike.
 pub(crate) fn noise_of_values(mesh: &Mesh<Px>) -> Vec<f64> {
     let of_node = |(at, &zone): (&[f64; 2], &u32)| {
         let Some(grid) = mesh.whole_grid(zone as usize) else { return 1.0 };

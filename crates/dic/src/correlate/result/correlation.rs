@@ -1,12 +1,7 @@
 //! What is known of a frame.
 
 use crate::backend::{GreyTransfer, Traffic};
-use crate::correlate::noise::noise_correlation::NoiseColour;
-use crate::correlate::noise::noise_model::PhotonNoise;
-use crate::correlate::solve::iterate::SLOW;
-use crate::correlate::solve::light::SmoothLight;
-use crate::correlate::start::initial::Start;
-use crate::correlate::start::period::Ambiguity;
+use crate::correlate::{Ambiguity, NoiseColour, PhotonNoise, SLOW, SmoothLight, Start};
 use crate::field::{Measurement, ModelError, RigidMotion, Status};
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -58,11 +53,9 @@ pub struct Correlation {
     pub coarse_iterations: usize,
     /// Largest nodal correction of the last iteration, px.
     pub correction_px: f64,
-    /// Place of the node of that correction in the reference image, px: where to look when a frame does
-    /// not converge.
+    /// Place of the node of that correction in the reference, px: where to look when a frame does not converge.
     pub correction_at: [f64; 2],
-    /// Root mean square of the residual over all zones, grey levels, at the field before the last
-    /// correction.
+    /// Root mean square of the residual over all zones, grey levels, before the last correction.
     pub residual_rms: f64,
     /// The same in per cent of the reference's range of grey levels.
     pub residual_percent: f64,
@@ -74,14 +67,11 @@ pub struct Correlation {
     pub start: StartUsed,
     /// Nodes not measured because their elements have left the deformed image.
     pub nodes_left: usize,
-    /// Nodes not measured because their texture does not stand out of the noise that the residual shows around them
-    /// (THEORY 2), or because it kept them from settling.
+    /// Nodes not measured because noise hides their texture (THEORY 2) or has kept them from settling.
     pub nodes_in_noise: usize,
-    /// Nodes whose neighbourhood holds so little beside noise that their standard uncertainty is a lower bound
-    /// (THEORY 10).
+    /// Nodes with so little but noise around them that their uncertainty is a lower bound (THEORY 10).
     pub nodes_at_bound: usize,
-    /// Elements whose correlation coefficient is below 1/2: their pixels do not match (a crack, a glare,
-    /// a shadow, or a false match).
+    /// Elements with a correlation coefficient below 1/2: they do not match (a crack, a glare, a shadow).
     pub poor_elements: usize,
     /// What the residual says of the colour of the noise; `None` unless the frame converged, it was to be looked for,
     /// and enough whole elements are there.
@@ -92,14 +82,11 @@ pub struct Correlation {
     pub photon_noise: Option<PhotonNoise>,
     /// What went between host and device for the frame so far, when they are two.
     pub traffic: Option<Traffic>,
-    /// What is said of a displacement that the images tell but for multiples of a period, because the texture repeats;
-    /// `None` where it does not.
+    /// What is said where the texture repeats, so that the images tell a displacement but for multiples of a period.
     pub ambiguity: Option<Ambiguity>,
-    /// Number of the frame whose image was the reference; 0 for the reference that was given. Residuals and
-    /// correlation coefficients are those against this image.
+    /// Frame that was the reference of residuals and correlation coefficients; 0 for the reference given.
     pub reference_frame: usize,
-    /// How far the field is from the one that the CPU finds from there on, px; `None` of a frame that was not looked
-    /// at.
+    /// How far the field is from the one that the CPU finds from there on, px; `None` if not looked at.
     pub device_checked_px: Option<f64>,
     /// Displacement of all nodes, those not measured included: the start of the next frame.
     pub(crate) full_displacement: Vec<[f64; 2]>,
@@ -152,7 +139,7 @@ impl Correlation {
         match &self.measurement.model_error {
             Some(error) => Cow::Borrowed(error),
             None => {
-                let Measurement { mesh, .. } = &self.measurement;
+                let mesh = &self.measurement.mesh;
                 Cow::Owned(ModelError { nodes: vec![[0.0; 2]; mesh.n_nodes()], misfit: vec![0.0; mesh.n_elements()] })
             }
         }

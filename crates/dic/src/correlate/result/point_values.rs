@@ -1,15 +1,11 @@
 //! Values at points beside the coefficients of a frame (THEORY 17).
 
-use crate::correlate::prepare::options::Options;
-use crate::correlate::prior::regularisation::Regularisation;
-use crate::correlate::prior::splines::noise_of_values;
-use crate::correlate::result::correlation::Correlation;
+use crate::correlate::{Correlation, Options, Regularisation, noise_of_values};
 use crate::field::{Elements, PointFilter, PointFilters};
 use crate::mesh::Mesh;
 use crate::units::Px;
 
 /// What makes values at points of the fields of one reference.
-#[derive(Debug)]
 pub(crate) struct PointValuesOf {
     filters: PointFilters,
     /// Coefficients of regularised fields stay as they are.

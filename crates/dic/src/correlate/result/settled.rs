@@ -1,12 +1,9 @@
 //! What an iteration has found, before and after it is known which elements match.
 
 use crate::backend::{Backend, Found};
-use crate::correlate::solve::iterate::Outcome;
-use crate::correlate::solve::light::Light;
-use crate::correlate::start::initial::{Start, numbers};
+use crate::correlate::{Light, Outcome, Start, numbers};
 use crate::field::Status;
 
-/// What a finished iteration has found.
 pub(crate) struct Iterated<B: Backend> {
     pub outcome: Outcome<B>,
     pub found: Found,
@@ -16,8 +13,7 @@ pub(crate) struct Iterated<B: Backend> {
 }
 
 impl<B: Backend> Iterated<B> {
-    /// Where the next frame of a series may begin, if this field is confirmed. None where it has not converged, or is
-    /// in a light of its own.
+    /// Where the next frame may begin if this is confirmed; none if it has not converged or has light of its own.
     pub fn start(&self) -> Option<Start> {
         let is_field = self.outcome.status == Status::Converged && self.light.is_none();
         let Found { displacement, transfer, .. } = &self.found;
@@ -40,7 +36,6 @@ pub(crate) struct Settled<B: Backend> {
 }
 
 impl<B: Backend> Settled<B> {
-    /// As [`Iterated::start`].
     pub fn start(&self) -> Option<Start> {
         self.of.start().filter(|_| self.status == Status::Converged)
     }

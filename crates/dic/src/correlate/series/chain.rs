@@ -1,15 +1,10 @@
 //! A series whose reference is renewed: large deformation, measured in stages that are added up (THEORY 2).
 
 use crate::backend::GreyTransfer;
-use crate::correlate::error::{CorrelationError, UpdateRefused};
-use crate::correlate::judge::screen::LEAST_LEFT;
-use crate::correlate::prepare::options::Options;
-use crate::correlate::prepare::reference::Reference;
-use crate::correlate::result::correlation::{Correlation, ZoneResult, rigid};
-use crate::correlate::result::point_values::PointValuesOf;
-use crate::correlate::series::chosen::{Correlate, Uploaded};
-use crate::correlate::series::tracker::History;
-use crate::correlate::start::initial::Start;
+use crate::correlate::{
+    Correlate, Correlation, CorrelationError, History, LEAST_LEFT, Options, PointValuesOf, Reference, Result, Start,
+    UpdateRefused, Uploaded, ZoneResult, rigid,
+};
 use crate::field::{ElementMark, Measurement, ModelError, Status, UpdateReference};
 use crate::imaging::Image;
 use crate::mesh::Mesh;
@@ -23,19 +18,16 @@ const DEGRADED: f64 = 2.0;
 /// and exceeds this share of the reference's range of grey levels: less may be the noise of any camera.
 const NOTICEABLE: f64 = 0.01;
 
-/// A frame that may be, or is, the reference of others, but for its image. All that a chain knows of the stages before
-/// is in here.
+/// A frame that may be the reference of others, but for its image: all that a chain knows of the stages before.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Keyframe {
     /// Its number; numbers start above that of the reference given, which is 0.
     pub frame: usize,
-    /// Displacement of every node from the reference given to this frame, px; of a node that is lost the last one
-    /// known.
+    /// Displacement of every node from the reference given, px; of a node that is lost the last one known.
     pub displacement: Vec<[f64; 2]>,
     /// Which elements it still shows.
     pub elements: Vec<bool>,
-    /// Variance of each displacement but for the part of the noise of this frame that every frame measured from it
-    /// loses again, px^2 along x and y.
+    /// Variance of each displacement, px^2 along x and y, but for noise that cancels in frames measured from it.
     pub variance: Vec<[f64; 2]>,
     /// What each displacement may be off beyond noise, px.
     pub model_error: Vec<[f64; 2]>,
@@ -43,8 +35,7 @@ pub struct Keyframe {
     pub transfer: Vec<GreyTransfer>,
 }
 
-/// All that a [`ReferenceChain`] knows after a frame but for images: what to keep so that a run can go on with the
-/// same bits.
+/// All that a [`ReferenceChain`] knows after a frame but for images: with it a run goes on with the same bits.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ChainState {
     /// The present reference; `None` for the one that was given.
@@ -53,8 +44,7 @@ pub struct ChainState {
     pub last: Option<Keyframe>,
     /// The converged frame before it, and its displacement of every node, px.
     pub before: Option<(usize, Vec<[f64; 2]>)>,
-    /// Residual of each zone that the next ones are compared with, root mean square, grey levels; `None` until a frame
-    /// has converged with the present reference.
+    /// Residual of each zone to compare with, root mean square, grey levels; `None` until a frame has converged.
     pub baseline: Option<Vec<f64>>,
     /// The frames that have become references, in order.
     pub updates: Vec<usize>,
@@ -72,7 +62,6 @@ impl ChainState {
     }
 }
 
-/// A frame as the reference of others.
 struct Stage {
     key: Keyframe,
     correlator: Box<dyn Correlate>,
@@ -81,27 +70,23 @@ struct Stage {
     elements: Vec<usize>,
 }
 
-/// What correlating a frame gave.
 struct Attempt {
     correlation: Correlation,
     /// The frame as a reference, if it converged.
     key: Option<Keyframe>,
 }
 
-/// Correlates the frames of a series one after the other, and takes one of them for the reference of those that follow
-/// when [`UpdateReference`] says so.
+/// Correlates the frames of a series in order; one becomes the reference of the next when [`UpdateReference`] says so.
 ///
-/// Whatever the reference of a frame, its result is that of the reference that was given: displacements of the nodes
-/// of that mesh, from where they stood there, with the uncertainty of the whole way. An update at frame k moves every
-/// node by its displacement; elements carry the material that they held, and displacements add up,
-/// `u(0 -> n) = u(0 -> k) + u(k -> n)`.
+/// Whatever its reference, the result of a frame is that of the one given: displacements of the nodes of that mesh,
+/// with the uncertainty of the whole way. An update at frame k moves every node by its displacement; elements carry the
+/// material that they held, and `u(0 -> n) = u(0 -> k) + u(k -> n)`.
 ///
 /// With [`UpdateReference::Never`] results have the bits of a [`crate::correlate::Tracker`]'s.
 ///
 /// # Going on with a run that was stopped
 /// After each frame keep what [`ReferenceChain::state`] gives, with all digits, and the images of the frames that
-/// [`ChainState::frames_needed`] names (or the means to read them again). [`ReferenceChain::resume`] makes a chain of
-/// them that gives the bits which the stopped one would have given.
+/// [`ChainState::frames_needed`] names. [`ReferenceChain::resume`] makes a chain of them that gives the same bits.
 pub struct ReferenceChain {
     original: Arc<dyn Correlate>,
     update: UpdateReference,
@@ -122,13 +107,12 @@ pub struct ReferenceChain {
 impl ReferenceChain {
     /// A chain that begins with the reference of `original`.
     pub fn new(original: Arc<dyn Correlate>, update: UpdateReference) -> Self {
-        let history = History::new(original.options().start);
-        let point_values = PointValuesOf::new(original.options(), original.mesh());
         Self {
+            history: History::new(original.options().start),
+            point_values: PointValuesOf::new(original.options(), original.mesh()),
             original,
             update,
             stage: None,
-            history,
             last: None,
             last_image: None,
             baseline: None,
@@ -136,16 +120,13 @@ impl ReferenceChain {
             spare: None,
             refused: Vec::new(),
             unfit: None,
-            point_values,
         }
     }
 
-    /// A chain that goes on after the frame at which `state` was taken. `image` gives the images of the frames that
-    /// [`ChainState::frames_needed`] names.
+    /// A chain that goes on after `state` was taken; `image` gives what [`ChainState::frames_needed`] names.
     ///
     /// # Errors
-    /// A state for another mesh, an image that cannot be the reference it is said to be, a device that fails, and
-    /// those of `image`.
+    /// A state for another mesh, an image that is not the reference it should be, a device; those of `image`.
     pub fn resume<E: From<CorrelationError>>(
         original: Arc<dyn Correlate>,
         update: UpdateReference,
@@ -192,11 +173,6 @@ impl ReferenceChain {
         &self.original
     }
 
-    /// When the reference is renewed.
-    pub fn update(&self) -> UpdateReference {
-        self.update
-    }
-
     /// Number of the frame that is the reference now; 0 for the one that was given.
     pub fn reference_frame(&self) -> usize {
         self.stage.as_ref().map_or(0, |stage| stage.key.frame)
@@ -215,18 +191,16 @@ impl ReferenceChain {
     /// Correlates frame `number` (numbers must rise, from 1 on).
     ///
     /// # Errors
-    /// When the image has another size than the reference or no contrast, or the device fails. A frame that does not
-    /// converge is a result, and so is an update that is refused ([`ReferenceChain::take_refused`]).
-    pub fn correlate(&mut self, number: usize, image: Arc<Image>) -> Result<Correlation, CorrelationError> {
+    /// Another size, no contrast, a device. Not converging, and a refused update ([`Self::take_refused`]), are results.
+    pub fn correlate(&mut self, number: usize, image: Arc<Image>) -> Result<Correlation> {
         self.correlate_uploaded(number, self.original.upload(image)?)
     }
 
-    /// As [`ReferenceChain::correlate`], with the image brought to the device by [`Correlate::upload`] of
-    /// [`ReferenceChain::original`].
+    /// As [`ReferenceChain::correlate`], with the image uploaded by [`ReferenceChain::original`].
     ///
     /// # Errors
     /// When the device fails.
-    pub fn correlate_uploaded(&mut self, number: usize, frame: Uploaded) -> Result<Correlation, CorrelationError> {
+    pub fn correlate_uploaded(&mut self, number: usize, frame: Uploaded) -> Result<Correlation> {
         let image = frame.image().clone();
         if let UpdateReference::Every(frames) = self.update
             && self.last.as_ref().is_some_and(|last| last.frame >= self.reference_frame() + frames.get())
@@ -249,8 +223,7 @@ impl ReferenceChain {
         Ok(correlation)
     }
 
-    /// Whether the present reference has served its time. A zone that has left the image does not come back with
-    /// another reference.
+    /// Whether the present reference has served its time. A zone that has left the image does not come back by another.
     fn has_degraded(&self, correlation: &Correlation) -> bool {
         match correlation.measurement.status {
             Status::IterationLimit | Status::Diverged => true,
@@ -266,7 +239,7 @@ impl ReferenceChain {
     }
 
     /// Correlates the frame once more, with the last converged one as the reference, and keeps what is better.
-    fn try_again(&mut self, number: usize, image: &Arc<Image>, first: Attempt) -> Result<Attempt, CorrelationError> {
+    fn try_again(&mut self, number: usize, image: &Arc<Image>, first: Attempt) -> Result<Attempt> {
         let Some(stage) = self.next_stage()? else { return Ok(first) };
         let frame = self.original.upload(image.clone())?;
         let second = self.attempt(Some(&stage), number, frame)?;
@@ -292,7 +265,7 @@ impl ReferenceChain {
     }
 
     /// The last converged frame as a reference, if it is a later one than the present and fit to be one.
-    fn next_stage(&mut self) -> Result<Option<Stage>, CorrelationError> {
+    fn next_stage(&mut self) -> Result<Option<Stage>> {
         if let Some(spare) = self.spare.take() {
             return Ok(Some(spare));
         }
@@ -310,9 +283,8 @@ impl ReferenceChain {
         })
     }
 
-    /// Prepares a frame as a reference.
-    fn stage_of(&self, key: Keyframe, image: Arc<Image>) -> Result<Result<Stage, UpdateRefused>, CorrelationError> {
-        let (mesh, original) = (self.original.mesh(), &self.original);
+    fn stage_of(&self, key: Keyframe, image: Arc<Image>) -> Result<Result<Stage, UpdateRefused>> {
+        let (mesh, original, frame) = (self.original.mesh(), &self.original, key.frame);
         let moved: Vec<[f64; 2]> =
             mesh.nodes().iter().zip(&key.displacement).map(|(x, u)| [x[0] + u[0], x[1] + u[1]]).collect();
         let [width, height] = original.size().map(|n| n as f64);
@@ -323,16 +295,10 @@ impl ReferenceChain {
             let n_elements = mesh.zone_elements(zone).filter(|&element| original.in_use(element)).count();
             let left = mesh.zone_elements(zone).filter(|&element| kept[element]).count();
             if left == 0 || (left as f64) < LEAST_LEFT * n_elements as f64 {
-                return Ok(Err(UpdateRefused::LeftImage {
-                    frame: key.frame,
-                    zone: name.clone(),
-                    left,
-                    of: n_elements,
-                }));
+                return Ok(Err(UpdateRefused::LeftImage { frame, zone: name.clone(), left, of: n_elements }));
             }
         }
-        let frame = key.frame;
-        let carried = mesh.carried(original.zone_pixels(), &moved, &kept, original.size());
+        let carried = mesh.carried(&original.zone_pixels, &moved, &kept, original.size());
         let prepared = carried.map_err(CorrelationError::from).and_then(|carried| {
             // A node that is left out does not come back: rather no new reference than one that loses nodes.
             let options = Options { n_references: 1, textureless_share: 0.0, ..original.options().clone() };
@@ -347,33 +313,25 @@ impl ReferenceChain {
     }
 
     /// Correlates a frame with the reference of `stage`, or with the one that was given.
-    fn attempt(&self, stage: Option<&Stage>, number: usize, frame: Uploaded) -> Result<Attempt, CorrelationError> {
+    fn attempt(&self, stage: Option<&Stage>, number: usize, frame: Uploaded) -> Result<Attempt> {
         let start = self.history.predict(number, self.original.mesh());
         let Some(stage) = stage else {
-            let correlation = self.original.correlate_uploaded(frame, start.as_ref())?;
-            let key = self.key_of_original(number, &correlation);
-            return Ok(Attempt { correlation, key });
+            let found = self.original.correlate_uploaded(frame, start.as_ref())?;
+            let of_reference = 1.0 - 1.0 / self.original.options().noise_of_both();
+            let nothing = vec![[0.0; 2]; self.original.mesh().n_nodes()];
+            let key = (found.measurement.status == Status::Converged).then(|| Keyframe {
+                frame: number,
+                displacement: found.full_displacement.clone(),
+                elements: shown_elements(&found),
+                variance: carried_variance(&self.original, &found, &nothing, of_reference),
+                model_error: found.model_error().nodes.clone(),
+                transfer: found.zones.iter().map(|zone| zone.transfer).collect(),
+            });
+            return Ok(Attempt { correlation: found, key });
         };
         let start = start.map(|start| stage.start(&start));
         let found = stage.correlator.correlate_uploaded(frame, start.as_ref())?;
         Ok(self.compose(stage, number, found))
-    }
-
-    /// A frame of the reference that was given, as a reference.
-    fn key_of_original(&self, number: usize, found: &Correlation) -> Option<Keyframe> {
-        let mesh = self.original.mesh();
-        let of_reference = 1.0 - 1.0 / self.original.options().noise_of_both();
-        (found.measurement.status == Status::Converged).then(|| {
-            let nothing = vec![[0.0; 2]; mesh.n_nodes()];
-            Keyframe {
-                frame: number,
-                displacement: found.full_displacement.clone(),
-                elements: shown_elements(found),
-                variance: carried_variance(&self.original, found, &nothing, of_reference),
-                model_error: found.model_error().nodes.clone(),
-                transfer: found.zones.iter().map(|zone| zone.transfer).collect(),
-            }
-        })
     }
 
     /// The result of a frame on the mesh of the reference that was given.
@@ -407,8 +365,7 @@ impl ReferenceChain {
             sigma[node] =
                 [0, 1].map(|c| (carried[c] + 0.5 * (1.0 + share) * found.measurement.sigma[own][c].powi(2)).sqrt());
         }
-        let mut counted = vec![false; mesh.n_elements()];
-        let mut element_residual = vec![0.0; mesh.n_elements()];
+        let (mut counted, mut element_residual) = (vec![false; mesh.n_elements()], vec![0.0; mesh.n_elements()]);
         // What a reference before has not shown any more it does not show of this frame either.
         let size = self.original.size().map(|n| n as f64);
         let lost = |element: usize| {
@@ -424,8 +381,7 @@ impl ReferenceChain {
         };
         let mut marks: Vec<ElementMark> = (0..mesh.n_elements()).map(lost).collect();
         for (own, &element) in stage.elements.iter().enumerate() {
-            let mark = found.measurement.marks.as_ref().map_or(ElementMark::None, |marks| marks[own]);
-            marks[element] = mark;
+            marks[element] = found.measurement.marks.as_ref().map_or(ElementMark::None, |marks| marks[own]);
             counted[element] = found.counted[own];
             element_residual[element] = found.measurement.element_residual[own];
             model_error.misfit[element] = of_stage.misfit[own];
@@ -450,7 +406,7 @@ impl ReferenceChain {
         }
 
         let n_measured = measured.iter().filter(|&&measured| measured).count();
-        let elsewhere = self.original.dropped().len() + n_measured + found.nodes_in_noise;
+        let elsewhere = self.original.dropped.len() + n_measured + found.nodes_in_noise;
         let zones = found.zones.into_iter().zip(&transfer).enumerate().map(|(zone, (found, &transfer))| ZoneResult {
             rigid: rigid(mesh, &full_displacement, &measured, mesh.zone_nodes(zone)),
             transfer,
@@ -504,19 +460,12 @@ impl Stage {
     }
 }
 
-impl Reference {
-    /// [`Reference::noise_share`] of each zone, with the noise that a frame was found to have.
-    fn noise_shares(&self, found: &Correlation) -> Vec<f64> {
-        found.zones.iter().enumerate().map(|(zone, result)| self.noise_share(zone, result.noise)).collect()
-    }
-}
-
 impl ChainState {
     /// Whether it can be that of a chain on `mesh`.
     ///
     /// # Errors
     /// [`CorrelationError::State`] with the first list of another length.
-    pub fn check(&self, mesh: &Mesh<Px>) -> Result<(), CorrelationError> {
+    pub fn check(&self, mesh: &Mesh<Px>) -> Result<()> {
         let check = |what, given: usize, wanted: usize| {
             if given == wanted { Ok(()) } else { Err(CorrelationError::State { what, given, wanted }) }
         };
@@ -558,10 +507,9 @@ fn shown_elements(found: &Correlation) -> Vec<bool> {
     mesh.elements().iter().zip(&found.counted).map(shown).collect()
 }
 
-/// The variance of the nodes in a frame, px^2, but for what cancels when the frame becomes the reference (THEORY 2):
-/// that of the positions of the nodes in the reference, `before`, plus the share `of_reference` of the variance found
-/// here, both turned and stretched by the deformation; and of the frame's own noise what the noise of the reference's
-/// gradient makes of it.
+/// The variance of the nodes in a frame, px^2, but for what cancels when it becomes the reference (THEORY 2): that of
+/// their positions in the reference, `before`, and the share `of_reference` of that found here, both turned and
+/// stretched by the deformation; and what the noise of the gradient makes of the frame's own.
 fn carried_variance(
     reference: &Reference,
     found: &Correlation,
@@ -571,16 +519,13 @@ fn carried_variance(
     let both = reference.options().noise_of_both();
     let shares = reference.noise_shares(found);
     let Measurement { mesh, sigma, .. } = &found.measurement;
-    nodal_gradients(found)
-        .into_iter()
-        .enumerate()
-        .map(|(node, gradient)| {
-            let own = sigma[node].map(|sigma| sigma * sigma);
-            let moved = map_variance(gradient, [0, 1].map(|c| before[node][c] + of_reference * own[c]));
-            let share = shares[mesh.node_zone()[node] as usize];
-            [0, 1].map(|c| moved[c] + share * own[c] / both)
-        })
-        .collect()
+    let of_node = |(node, gradient): (usize, [[f64; 2]; 2])| {
+        let own = sigma[node].map(|sigma| sigma * sigma);
+        let moved = map_variance(gradient, [0, 1].map(|c| before[node][c] + of_reference * own[c]));
+        let share = shares[mesh.node_zone()[node] as usize];
+        [0, 1].map(|c| moved[c] + share * own[c] / both)
+    };
+    nodal_gradients(found).into_iter().enumerate().map(of_node).collect()
 }
 
 /// `F diag(variance) F^T` on its diagonal: the two components of a node are taken to be uncorrelated.
@@ -588,8 +533,7 @@ fn map_variance(f: [[f64; 2]; 2], variance: [f64; 2]) -> [f64; 2] {
     f.map(|row| row[0] * row[0] * variance[0] + row[1] * row[1] * variance[1])
 }
 
-/// The deformation gradient `F = I + grad u` at the nodes: the mean over the elements around each that counted, in
-/// their middle.
+/// The deformation gradient `F = I + grad u` at the nodes: the mean of the middles of the elements around that counted.
 fn nodal_gradients(found: &Correlation) -> Vec<[[f64; 2]; 2]> {
     const NONE: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
     let mesh = &found.measurement.mesh;

@@ -2,13 +2,7 @@
 
 use crate::backend::choice::Device;
 use crate::backend::{Backend, OnDevice};
-use crate::correlate::correlator::Correlator;
-use crate::correlate::error::CorrelationError;
-use crate::correlate::prepare::options::Options;
-use crate::correlate::prepare::reference::Reference;
-use crate::correlate::result::correlation::Correlation;
-use crate::correlate::result::overlap::Overlap;
-use crate::correlate::start::initial::Start;
+use crate::correlate::{Correlation, Correlator, Options, Overlap, Reference, Result, Start};
 use crate::imaging::Image;
 use crate::mesh::Zone;
 use std::any::Any;
@@ -37,13 +31,13 @@ pub trait Correlate: Send + Sync {
     ///
     /// # Errors
     /// An image of another size or without contrast, or a device that fails.
-    fn upload(&self, image: Arc<Image>) -> Result<Uploaded, CorrelationError>;
+    fn upload(&self, image: Arc<Image>) -> Result<Uploaded>;
 
     /// Correlates one deformed image, from `start` on; when it fails, or there is none, the frame is searched for.
     ///
     /// # Errors
     /// A start for another mesh, or a device that fails. Not converging is a result, not an error.
-    fn correlate_uploaded(&self, frame: Uploaded, start: Option<&Start>) -> Result<Correlation, CorrelationError> {
+    fn correlate_uploaded(&self, frame: Uploaded, start: Option<&Start>) -> Result<Correlation> {
         self.correlate_in_series(frame, start, &mut Overlap::default())
     }
 
@@ -56,18 +50,13 @@ pub trait Correlate: Send + Sync {
         frame: Uploaded,
         start: Option<&Start>,
         overlap: &mut Overlap<'_>,
-    ) -> Result<Correlation, CorrelationError>;
+    ) -> Result<Correlation>;
 
     /// Prepares another reference of the same series on the same device.
     ///
     /// # Errors
     /// Those of [`Correlator::new`].
-    fn with_reference(
-        &self,
-        image: Arc<Image>,
-        zones: &[Zone],
-        options: Options,
-    ) -> Result<Box<dyn Correlate>, CorrelationError>;
+    fn with_reference(&self, image: Arc<Image>, zones: &[Zone], options: Options) -> Result<Box<dyn Correlate>>;
 }
 
 impl Deref for dyn Correlate + '_ {
@@ -83,7 +72,7 @@ impl<B: Backend> Correlate for Correlator<B> {
         self
     }
 
-    fn upload(&self, image: Arc<Image>) -> Result<Uploaded, CorrelationError> {
+    fn upload(&self, image: Arc<Image>) -> Result<Uploaded> {
         Ok(Uploaded { frame: Box::new(self.frame(image.clone())?), image })
     }
 
@@ -92,7 +81,7 @@ impl<B: Backend> Correlate for Correlator<B> {
         Uploaded { image, frame }: Uploaded,
         start: Option<&Start>,
         overlap: &mut Overlap<'_>,
-    ) -> Result<Correlation, CorrelationError> {
+    ) -> Result<Correlation> {
         let frame = match frame.downcast::<B::Frame>() {
             Ok(frame) => *frame,
             Err(_) => self.frame(image)?, // it lies on a device of another kind
@@ -100,16 +89,11 @@ impl<B: Backend> Correlate for Correlator<B> {
         self.correlate_in_series(frame, start, overlap)
     }
 
-    fn with_reference(
-        &self,
-        image: Arc<Image>,
-        zones: &[Zone],
-        options: Options,
-    ) -> Result<Box<dyn Correlate>, CorrelationError> {
-        let made = Self::with_offset(self.backend().clone(), image, zones, options, self.grey_offset())?;
+    fn with_reference(&self, image: Arc<Image>, zones: &[Zone], options: Options) -> Result<Box<dyn Correlate>> {
+        let made = Self::with_offset(self.backend().clone(), image, zones, options, self.kernel.grey_offset)?;
         // A texture that does not repeat does not begin to: it is looked at once for all references of a series.
         if self.periods().iter().all(Vec::is_empty) {
-            made.assume_no_period();
+            made.periods.get_or_init(|| vec![Vec::new(); made.zone_pixels.len()]);
         }
         Ok(Box::new(made))
     }
@@ -119,19 +103,13 @@ impl<B: Backend> Correlate for Correlator<B> {
 ///
 /// # Errors
 /// Those of [`Correlator::new`], and a device that cannot be opened.
-pub fn prepare(
-    device: &Device,
-    reference: Arc<Image>,
-    zones: &[Zone],
-    options: Options,
-) -> Result<Arc<dyn Correlate>, CorrelationError> {
+pub fn prepare(device: &Device, reference: Arc<Image>, zones: &[Zone], options: Options) -> Result<Arc<dyn Correlate>> {
     struct Prepare<'a>(Arc<Image>, &'a [Zone], Options);
     impl OnDevice for Prepare<'_> {
-        type Output = Result<Arc<dyn Correlate>, CorrelationError>;
+        type Output = Result<Arc<dyn Correlate>>;
 
         fn on<B: Backend>(self, backend: B) -> Self::Output {
-            let Self(reference, zones, options) = self;
-            Ok(Arc::new(Correlator::new(backend, reference, zones, options)?))
+            Ok(Arc::new(Correlator::new(backend, self.0, self.1, self.2)?))
         }
     }
     device.open(Prepare(reference, zones, options))?

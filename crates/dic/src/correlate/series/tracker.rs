@@ -1,10 +1,7 @@
 //! Starts along a series.
 
 use crate::backend::GreyTransfer;
-use crate::correlate::error::CorrelationError;
-use crate::correlate::result::correlation::Correlation;
-use crate::correlate::series::chosen::Correlate;
-use crate::correlate::start::initial::Start;
+use crate::correlate::{Correlate, Correlation, Result, Start};
 use crate::field::{RigidMotion, StartFrom};
 use crate::imaging::Image;
 use crate::mesh::Mesh;
@@ -15,8 +12,7 @@ use std::sync::Arc;
 #[derive(Debug, Clone, PartialEq)]
 pub struct History {
     start: StartFrom,
-    /// Fields, the latest first, with their frame numbers; shared between what is known after one frame and after the
-    /// next.
+    /// Fields, the latest first, with their frame numbers; shared by what is known after one frame and the next.
     fields: Vec<(usize, Arc<Vec<[f64; 2]>>)>,
     transfer: Vec<GreyTransfer>,
     /// The elements that the latest was found without.
@@ -33,7 +29,7 @@ impl History {
 
     /// A history that knows no frame yet; with [`StartFrom::Independent`] nothing is ever predicted.
     pub fn new(start: StartFrom) -> Self {
-        Self { start, fields: Vec::new(), transfer: Vec::new(), left_out: Vec::new() }
+        Self::of(start, Vec::new(), Vec::new())
     }
 
     /// The history that knows these fields, the latest first, and the transfer of the latest; all elements matched.
@@ -47,11 +43,10 @@ impl History {
         &self.fields
     }
 
-    /// What the fields of the last two converged frames say of frame `number`, or that of the last one. `mesh` is that
-    /// of the fields.
+    /// What the last two converged frames, or the last one, say of frame `number`; `mesh` is that of their fields.
     ///
-    /// Each zone goes on to turn as a whole, and all else is extrapolated linearly: a rotation by w that went on along
-    /// straight lines would put points at the distance r off by w^2 r.
+    /// Each zone goes on to turn as a whole, else linearly: on a straight line a turn by w would be w^2 r off at
+    /// distance r.
     pub fn predict(&self, number: usize, mesh: &Mesh<Px>) -> Option<Start> {
         if self.start == StartFrom::Independent {
             return None;
@@ -69,8 +64,7 @@ impl History {
                 let turn = RigidMotion { translation: [0.0; 2], rotation_rad: ahead * motion.rotation_rad, ..motion };
                 let (rigid_at, turned_at) = (motion.field(), turn.field());
                 for (displacement, (x, step)) in displacement[nodes].iter_mut().zip(steps) {
-                    // From the middle of the zone after the step: where the point is, and what of its step is no rigid
-                    // motion.
+                    // From the middle of the zone after the step: the place, and what of its step is no rigid motion.
                     let rigid = rigid_at(x);
                     let rest = [0, 1].map(|k| step[k] - rigid[k]);
                     let place = [0, 1].map(|k| x[k] + step[k] - motion.translation[k] + ahead * rest[k]);
@@ -96,8 +90,7 @@ impl History {
     }
 }
 
-/// Correlates the frames of a series one after the other, each starting from the extrapolation of those
-/// before it.
+/// Correlates the frames of a series one after the other, each starting from the extrapolation of those before it.
 pub struct Tracker<'a> {
     correlator: &'a dyn Correlate,
     history: History,
@@ -117,9 +110,8 @@ impl<'a> Tracker<'a> {
     /// Correlates frame `number` (numbers must rise). With [`StartFrom::Independent`] nothing is remembered.
     ///
     /// # Errors
-    /// When the image has another size than the reference, or the device fails. A frame that does not
-    /// converge is a result, not an error.
-    pub fn correlate(&mut self, number: usize, image: Arc<Image>) -> Result<Correlation, CorrelationError> {
+    /// Another size than the reference, a device that fails. Not converging is a result.
+    pub fn correlate(&mut self, number: usize, image: Arc<Image>) -> Result<Correlation> {
         let start = self.history.predict(number, self.correlator.mesh());
         let correlation = self.correlator.correlate_uploaded(self.correlator.upload(image)?, start.as_ref())?;
         self.history.note(number, &correlation);

@@ -1,16 +1,12 @@
 //! The Gauss-Newton iteration on one level.
 
 use crate::backend::{Ahead, Backend, BackendError, COUPLED, KernelOptions, LONGEST};
-use crate::correlate::prepare::level::Level;
-use crate::correlate::prepare::own::Own;
-use crate::correlate::prior::regularisation::Regulariser;
-use crate::correlate::solve::pace::Pace;
+use crate::correlate::{Level, Own, Pace, Regulariser};
 use crate::field::{Brightness, RigidMotion, Status};
 use crate::linalg::Pattern;
 use crate::mesh::Mesh;
 use crate::units::Px;
 
-/// When to stop.
 #[derive(Clone, Copy)]
 pub(crate) struct Limits<'a> {
     pub tolerance_px: f64,
@@ -19,12 +15,10 @@ pub(crate) struct Limits<'a> {
     pub max_iterations: usize,
     /// Corrections of this many element sizes belong to no displacement field.
     pub wild_elements: f64,
-    /// How far the field is turned.
     pub turn: Turn,
     /// Whether fields of light follow the displacement one iteration late.
     pub late_light: bool,
-    /// First corrections of more than this, px, at more than the share `few_far` of a zone's nodes end it: the start
-    /// is to be looked for elsewhere.
+    /// First corrections above this, px, at more than the share `few_far` of a zone's nodes end it: it is far off.
     pub near_px: f64,
     pub few_far: f64,
     /// Whether the frame needs a solver of its own even where it has lost no pixels.
@@ -40,14 +34,12 @@ pub(crate) struct Limits<'a> {
 pub(crate) struct Enough {
     /// A tenth of its standard uncertainty, px.
     pub px: f64,
-    /// Whether noise is so large a part of its texture, or leaves it so uncertain, that its corrections may fall
-    /// slowly for that.
+    /// Whether corrections may fall slowly because noise is much of its texture, or leaves it uncertain.
     pub is_noisy: bool,
 }
 
-/// How far a field is turned as a whole, for steps: the normal matrix is made of gradients of the reference, which are
-/// turned in the deformed image, and with them the corrections. Left as they are they converge the slower the larger
-/// the rotation, and beyond 60 degrees not at all.
+/// How far a field is turned as a whole, for steps: the gradients of the reference, of which the normal matrix is made,
+/// are turned in the deformed image, and the corrections with them; left alone they do not converge beyond 60 degrees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Turn {
     cos: f64,
@@ -58,8 +50,7 @@ impl Turn {
     /// Not at all.
     pub const NONE: Self = Self { cos: 1.0, sin: 0.0 };
 
-    /// Of a displacement of the nodes, the mean over the zones by their nodes. Below 8 degrees none: it would save a
-    /// fraction of an iteration.
+    /// Of a displacement, the mean over the zones by their nodes; none below 8 degrees, where it would save little.
     pub fn of(mesh: &Mesh<Px>, displacement: &[[f64; 2]]) -> Self {
         /// Radians.
         const LEAST: f64 = 8.0 / 180.0 * std::f64::consts::PI;
@@ -108,12 +99,10 @@ fn pulled_along(ratio: f64) -> usize {
     steps.clamp(least, most)
 }
 
-/// How an iteration ended.
 pub(crate) struct Outcome<B: Backend> {
     pub status: Status,
     pub iterations: usize,
     pub correction_px: f64,
-    /// The node of that correction.
     pub worst_node: usize,
     /// Nodes that noise keeps from settling: they are still on their way, and their uncertainty is not known.
     pub unsettled: Vec<usize>,
@@ -125,7 +114,6 @@ pub(crate) struct Outcome<B: Backend> {
     pub gained: f64,
     /// What the frame is solved with when it has lost pixels.
     pub own: Option<Own<B>>,
-    /// How far the field was turned.
     pub turn: Turn,
 }
 
@@ -211,7 +199,6 @@ impl Watch {
     }
 }
 
-/// What has settled, and what has not.
 struct Rest {
     unsettled: Vec<usize>,
     /// The node of the others with the largest correction, and that, px.
@@ -262,9 +249,8 @@ fn is_far<B: Backend>(
     Ok((0..level.mesh.zones().len()).any(is_far))
 }
 
-/// The steps that a device may make after that of `iteration` before the host has seen it: as long as what the host
-/// would look at leaves it no choice. A frame with a solver of its own was so when that was `made`: pixels counted and
-/// elements lost.
+/// The steps that a device may make after that of `iteration` unseen by the host, whom they leave no choice. A frame
+/// with a solver of its own was so when that was `made`: pixels counted and elements lost.
 fn steps_ahead(iteration: usize, limits: &Limits<'_>, made: Option<(f64, usize)>, size: f64) -> Ahead {
     let of_own = limits.own && made.is_none();
     let steps = Pace::SAME.min(limits.max_iterations).saturating_sub(iteration);
@@ -313,7 +299,7 @@ pub(crate) fn iterate<B: Backend>(
     // Pixels counted and elements lost when the own solver was made.
     let mut made_at = (0.0, 0);
     for iteration in 1..=limits.max_iterations {
-        let scale = [pace.factor() * limits.turn.cos, pace.factor() * limits.turn.sin];
+        let scale = [pace.factor * limits.turn.cos, pace.factor * limits.turn.sin];
         let solver = outcome.own.as_ref().map_or(&level.solver, |own| &own.solver);
         let ahead = self::steps_ahead(iteration, &limits, outcome.own.as_ref().map(|_| made_at), size);
         let mut step = backend.step(&level.prepared, frame, field, solver, scale, &ahead)?;
@@ -364,7 +350,7 @@ pub(crate) fn iterate<B: Backend>(
         let enough = enough.filter(|enough| enough.is_noisy || limits.enough_anywhere);
         if iteration >= SLOW[0] && enough.is_some() {
             // Behind the largest correction there may be one that is not good enough at its node.
-            watch.note(backend.read_field(&level.prepared, frame, field)?.displacement, pace.factor());
+            watch.note(backend.read_field(&level.prepared, frame, field)?.displacement, pace.factor);
             let left = LEFT[usize::from(iteration >= SLOW[1])];
             let rest = watch.set_unsettled_apart(&level.pattern, limits.enough, limits.tolerance_px, left);
             if let Some(rest) = rest.filter(|rest| rest.is_enough(iteration, limits.enough.len())) {
@@ -399,15 +385,13 @@ mod tests {
     use super::{Enough, Watch};
     use crate::linalg::Pattern;
 
-    /// Of a strip of elements, two nodes high.
     fn strip(n_nodes: usize) -> Pattern {
         let elements: Vec<[u32; 4]> =
             (0..n_nodes as u32 / 2 - 1).map(|e| [2 * e, 2 * e + 2, 2 * e + 3, 2 * e + 1]).collect();
         Pattern::new(n_nodes, &elements)
     }
 
-    /// What a watch says of nodes with these two corrections along x, px, made by steps of these factors, where
-    /// `may_be_left`.
+    /// What a watch says of nodes with these corrections along x, px, of steps of these factors, where `may_be_left`.
     fn told_by(
         corrections: &[[f64; 2]],
         enough: &[Enough],
@@ -418,16 +402,13 @@ mod tests {
         let mut at = vec![[1.0, 2.0]; corrections.len()];
         watch.note(at.clone(), 1.0);
         for (k, factor) in factors.into_iter().enumerate() {
-            assert!(
-                watch.set_unsettled_apart(&strip(enough.len()), enough, 1e-4, 3.0).is_none(),
-                "two corrections are needed"
-            );
+            // Two corrections are needed.
+            assert!(watch.set_unsettled_apart(&strip(enough.len()), enough, 1e-4, 3.0).is_none());
             at.iter_mut().zip(corrections).for_each(|(at, by)| at[0] += factor * by[k]);
             watch.note(at.clone(), factor);
         }
-        watch
-            .set_unsettled_apart(&strip(enough.len()), enough, 1e-4, may_be_left)
-            .map(|rest| (rest.unsettled, rest.worst))
+        let rest = watch.set_unsettled_apart(&strip(enough.len()), enough, 1e-4, may_be_left)?;
+        Some((rest.unsettled, rest.worst))
     }
 
     fn told(corrections: &[[f64; 2]], enough: &[Enough]) -> Option<(Vec<usize>, (usize, f64))> {
@@ -489,19 +470,13 @@ mod tests {
         // Half a step leaves half the correction, and twice as long a one says nothing of the rate.
         assert_eq!(told_by(&many([0.02, 0.008]), &enough, [1.0, 0.5], 0.4).unwrap().0, vec![7]);
         assert_eq!(told_by(&many([0.02, 0.008]), &enough, [2.0, 1.0], 0.4).unwrap().0, Vec::<usize>::new());
-        // What follows a node that does not settle is given up with it, two steps away but not three.
-        for (node, want) in [(11, Some(vec![7, 11])), (13, None)] {
-            let mut pulled = many([0.01, 0.009]);
+        // What follows a node that does not settle is given up with it, two steps away but not three; the faster it
+        // moves the further: 0.05 px are 25 times what is enough for the others, 3^3 = 27.
+        let (slow, fast) = ([0.01, 0.009], [0.05, 0.05]);
+        for (first, node, is_pulled) in [(slow, 11, true), (slow, 13, false), (fast, 13, true), (fast, 15, false)] {
+            let mut pulled = many(first);
             pulled[node] = [3e-3, 2.9e-3];
-            let enough: Vec<Enough> = (0..40).map(|node| if node == 7 { noisy } else { clear }).collect();
-            assert_eq!(told(&pulled, &enough).map(|(unsettled, _)| unsettled), want);
-        }
-        // The faster it moves the further: 0.05 px are 25 times what is enough for the others, 3^3 = 27.
-        for (node, want) in [(13, Some(vec![7, 13])), (15, None)] {
-            let mut pulled = many([0.05, 0.05]);
-            pulled[node] = [3e-3, 2.9e-3];
-            let enough: Vec<Enough> = (0..40).map(|node| if node == 7 { noisy } else { clear }).collect();
-            assert_eq!(told(&pulled, &enough).map(|(unsettled, _)| unsettled), want);
+            assert_eq!(told(&pulled, &enough).map(|(unsettled, _)| unsettled), is_pulled.then(|| vec![7, node]));
         }
         // Three of 40 are more than a twentieth.
         let mut three = many([0.01, 0.009]);

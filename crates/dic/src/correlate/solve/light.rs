@@ -1,16 +1,15 @@
 //! Brightness and contrast as smooth fields over a zone: gain and offset at the nodes of a coarse grid, bilinear
 //! between them, fitted to the sums of the elements (docs/correlation.md, section 2.4).
 //!
-//! With `H = gain g + offset` the deformed image as it is brought to the reference so far and `m = (f + H) / 2`, the
-//! residual is `f - H = gamma m + delta` wherever the light has changed. An element knows of it by the sums of `r = f -
-//! H` and of `r m = (f^2 - H^2) / 2`. Noise of f and of H enters the latter with opposite signs: neither noise nor
-//! misfit, which lower the correlation of f and H, pass for a loss of contrast.
+//! With `H = gain g + offset` the deformed image as brought to the reference so far and `m = (f + H) / 2`, the residual
+//! is `f - H = gamma m + delta` where the light has changed. An element knows of it by the sums of `r = f - H` and of
+//! `r m = (f^2 - H^2) / 2`: noise of f and of H has opposite signs there, so that it passes for no loss of contrast.
 
 use crate::backend::{ElementMatch, ElementMoments, GreyTransfer, PixelSums};
+use crate::correlate::upper_pairs;
 use crate::linalg::{BlockJacobi, BlockMatrix, ElementMatrix, Pattern};
 use crate::mesh::{Mesh, shape_functions};
 use crate::units::Px;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Brightness and contrast found in a zone as smooth fields.
@@ -49,7 +48,6 @@ const MATCHED: f64 = 0.5;
 /// and being on the change of the field since the fit before it leaves no bias.
 const HELD: f64 = 1e-3;
 
-/// A coarse grid over a zone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Grid {
     corner: [f64; 2],
@@ -95,7 +93,6 @@ impl Grid {
         (0..self.cells[0] * self.cells[1]).map(corners).collect()
     }
 
-    /// The cell of a place and the weights of its nodes.
     fn place(&self, at: [f64; 2]) -> (usize, [f64; 4]) {
         let [(i, s), (j, t)] = [0, 1].map(|k| {
             let along =
@@ -107,7 +104,6 @@ impl Grid {
     }
 }
 
-/// What one element says about light.
 #[derive(Debug, Clone, Copy)]
 struct Said {
     /// Its middle, px.
@@ -133,9 +129,7 @@ impl Said {
     }
 }
 
-/// The light of one zone as its elements see it.
 struct Zone {
-    /// The elements that match.
     said: Vec<Said>,
     /// Mean of m over the zone, and rms of the signal: units in which the fit is well conditioned.
     mean: f64,
@@ -155,17 +149,10 @@ struct Fitted {
 }
 
 impl Zone {
-    /// Reads the sums; `None` when nothing in the zone matches. `variances` are those of the interpolated noise, per
-    /// element, and `of_reference` that of the reference, both in the noise of one image.
-    fn new(
-        mesh: &Mesh<Px>,
-        elements: Range<usize>,
-        sums: &[PixelSums],
-        transfer: GreyTransfer,
-        variances: &[f64],
-        of_reference: f64,
-    ) -> Option<Self> {
-        let GreyTransfer { gain, offset } = transfer;
+    /// Reads the sums; `None` when nothing in the zone matches.
+    fn new(&Seen { mesh, sums, transfer, variances, of_reference }: &Seen<'_>, zone: usize) -> Option<Self> {
+        let elements = mesh.zone_elements(zone);
+        let GreyTransfer { gain, offset } = transfer[zone];
         let matching = || elements.clone().filter(|&e| sums[e].n >= 2.0 && sums[e].correlation() >= MATCHED);
         let brought = |s: &PixelSums| {
             let h = gain * s.g + offset * s.n;
@@ -225,10 +212,6 @@ impl Zone {
         }
     }
 
-    fn squares_of_elements(&self) -> f64 {
-        self.said.iter().map(Said::squares).sum()
-    }
-
     /// The smooth field on `grid` that leaves least.
     fn fit(&self, grid: Grid) -> Fitted {
         let cells = grid.elements();
@@ -241,13 +224,8 @@ impl Zone {
             let (cell, weights) = grid.place(said.at);
             let mean = said.mean / unit;
             let data = [said.signal / (unit * unit) + said.n * mean * mean, said.n * mean, said.n];
-            let matrix = &mut matrices[cell];
-            let mut at = 0;
-            for i in 0..8 {
-                for j in i..8 {
-                    matrix[at] += weights[i / 2] * weights[j / 2] * data[i % 2 + j % 2];
-                    at += 1;
-                }
+            for (value, (i, j)) in matrices[cell].iter_mut().zip(upper_pairs()) {
+                *value += weights[i / 2] * weights[j / 2] * data[i % 2 + j % 2];
             }
             let residual = [said.residual[1] / unit + mean * said.residual[0], said.residual[0]];
             for (&node, weight) in cells[cell].iter().zip(weights) {
@@ -258,18 +236,12 @@ impl Zone {
         }
         let held = HELD * self.said.iter().map(|said| said.n).sum::<f64>() / grid.n_nodes() as f64;
         // Differences along the four sides of a cell, and along its diagonals: corners a and b of opposite sign.
-        for matrix in &mut matrices {
-            let mut at = 0;
-            for i in 0..8 {
-                for j in i..8 {
-                    matrix[at] += match (i / 2 == j / 2, i % 2 == j % 2) {
-                        (true, true) => 3.0 * held,
-                        (false, true) => -held,
-                        _ => 0.0,
-                    };
-                    at += 1;
-                }
-            }
+        for (value, (i, j)) in matrices.iter_mut().flat_map(|matrix| matrix.iter_mut().zip(upper_pairs())) {
+            *value += match (i / 2 == j / 2, i % 2 == j % 2) {
+                (true, true) => 3.0 * held,
+                (false, true) => -held,
+                _ => 0.0,
+            };
         }
         let matrix = BlockMatrix::assemble(&pattern, &cells, &matrices);
         let (scaled, _) = BlockJacobi::new(&matrix).solve(&matrix, &rhs, 1e-6, 1000);
@@ -284,9 +256,8 @@ impl Zone {
         Fitted { grid, values, left, unknowns }
     }
 
-    /// Whether `finer` leaves significantly less than what left `left` with `unknowns`, in a test on the elements:
-    /// what they scatter by about the field has all that is correlated within an element, so that neither noise that is
-    /// not white nor misfit passes for light.
+    /// Whether `finer` leaves significantly less than `left` with `unknowns`, tested on elements, whose scatter about
+    /// the field has all that is correlated within them: neither coloured noise nor misfit passes for light.
     fn is_better(&self, finer: &Fitted, left: f64, unknowns: f64) -> bool {
         let lowered = left - finer.left;
         let [more, rest] = [finer.unknowns - unknowns, 2.0 * self.said.len() as f64 - finer.unknowns];
@@ -297,8 +268,7 @@ impl Zone {
             && is_significant((lowered / more) / (finer.left / rest), more, rest)
     }
 
-    /// The field that the elements ask for: with `always` at least that on the coarsest grid, else none unless it is
-    /// significant.
+    /// The significant field that the elements ask for; with `always` at least that on the coarsest grid.
     fn choose_field(&self, mesh: &Mesh<Px>, zone: usize, always: bool) -> Option<Fitted> {
         let mut best: Option<Fitted> = None;
         for grid in Grid::of_zone(mesh, zone) {
@@ -306,7 +276,7 @@ impl Zone {
             let enough = 2.0 * self.said.len() as f64 > fitted.unknowns;
             let better = match &best {
                 None if always && enough => true,
-                None => self.is_better(&fitted, self.squares_of_elements(), 2.0),
+                None => self.is_better(&fitted, self.said.iter().map(Said::squares).sum(), 2.0),
                 Some(best) => self.is_better(&fitted, best.left, best.unknowns),
             };
             if better {
@@ -316,8 +286,7 @@ impl Zone {
         best
     }
 
-    /// The field on `grid`, or on the next finer one where that is significantly better: it may be seen only when the
-    /// displacement has settled.
+    /// The field on `grid`, or the next finer one if significantly better, as may show once the displacement settles.
     fn refine_field(&self, mesh: &Mesh<Px>, zone: usize, grid: Grid) -> Fitted {
         let fitted = self.fit(grid);
         let finer = Grid::of_zone(mesh, zone).into_iter().find(|finer| finer.n_nodes() > grid.n_nodes());
@@ -337,9 +306,8 @@ fn interpolate(grid: &Grid, cells: &[[u32; 4]], values: &[[f64; 2]], at: [f64; 2
     value
 }
 
-/// Whether a ratio of variances with `more` and `rest` degrees of freedom exceeds its quantile of 99 %: Paulson's
-/// normal approximation of the distribution of F (Annals of Mathematical Statistics 13, 1942), good to 1 % of F from
-/// three degrees of freedom on.
+/// Whether a ratio of variances exceeds the 99 % quantile of F with `more` and `rest` degrees of freedom, by Paulson's
+/// approximation (Annals of Mathematical Statistics 13, 1942), good to 1 % from three of them on.
 fn is_significant(ratio: f64, more: f64, rest: f64) -> bool {
     let (a, b) = (2.0 / (9.0 * more), 2.0 / (9.0 * rest));
     let root = ratio.max(0.0).cbrt();
@@ -374,11 +342,11 @@ pub(crate) struct Light {
     /// The grid of each zone; none where the transfer of the zone is enough.
     grids: Vec<Option<Grid>>,
     /// At the nodes of the mesh: before the transfer of the zone.
-    nodes: Vec<GreyTransfer>,
-    is_held: bool,
+    pub nodes: Vec<GreyTransfer>,
+    /// Whether it stays as it is.
+    pub is_held: bool,
 }
 
-/// What of the frame the light is read from.
 pub(crate) struct Seen<'a> {
     pub mesh: &'a Mesh<Px>,
     /// Per element.
@@ -391,22 +359,14 @@ pub(crate) struct Seen<'a> {
     pub of_reference: f64,
 }
 
-impl Seen<'_> {
-    fn zone(&self, zone: usize) -> Option<Zone> {
-        let elements = self.mesh.zone_elements(zone);
-        Zone::new(self.mesh, elements, self.sums, self.transfer[zone], self.variances, self.of_reference)
-    }
-}
-
 impl Light {
-    /// The light that the elements ask for; `None` when the transfers of the zones are enough, which with `always` is
-    /// so only where no element matches.
+    /// The light that the elements ask for; `None` if transfers of zones will do, with `always` if nothing matches.
     pub fn find(seen: &Seen<'_>, always: bool) -> Option<Self> {
         let n_zones = seen.mesh.zones().len();
         let nodes = vec![GreyTransfer::NONE; seen.mesh.n_nodes()];
         let mut light = Self { grids: vec![None; n_zones], nodes, is_held: false };
         for zone in 0..n_zones {
-            let Some(said) = seen.zone(zone) else { continue };
+            let Some(said) = Zone::new(seen, zone) else { continue };
             if let Some(fitted) = said.choose_field(seen.mesh, zone, always) {
                 light.change(seen, zone, &said, &fitted);
             }
@@ -414,10 +374,9 @@ impl Light {
         light.grids.iter().any(Option::is_some).then_some(light)
     }
 
-    /// Follows what the elements say now.
     pub fn follow(&mut self, seen: &Seen<'_>) {
         for zone in 0..self.grids.len() {
-            if let (Some(grid), Some(said)) = (self.grids[zone], seen.zone(zone)) {
+            if let (Some(grid), Some(said)) = (self.grids[zone], Zone::new(seen, zone)) {
                 self.change(seen, zone, &said, &said.refine_field(seen.mesh, zone, grid));
             }
         }
@@ -446,21 +405,6 @@ impl Light {
             self.nodes[nodes].copy_from_slice(&all);
             self.grids[zone] = Some(fitted.grid);
         }
-    }
-
-    /// From now on it stays as it is.
-    pub fn hold(&mut self) {
-        self.is_held = true;
-    }
-
-    /// Whether it stays as it is.
-    pub fn is_held(&self) -> bool {
-        self.is_held
-    }
-
-    /// At the nodes of the mesh, before the transfer of the zone.
-    pub fn nodes(&self) -> &[GreyTransfer] {
-        &self.nodes
     }
 
     /// Unknowns of a zone beside those of its transfer.

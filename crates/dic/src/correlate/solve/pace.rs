@@ -1,5 +1,4 @@
-//! How corrections fall from iteration to iteration: what is still to come of them, and how long the next step is to
-//! be.
+//! How corrections fall from iteration to iteration, what is still to come of them, and how long the next step is.
 
 /// The iteration is never taken to converge faster than this, for the estimate of what is still to come.
 const FASTEST: f64 = 0.1;
@@ -37,15 +36,14 @@ struct Changed {
     expected: f64,
 }
 
-/// Follows the corrections of an iteration.
 pub(crate) struct Pace {
     /// The last two corrections, the latest first; infinite where there were none.
     before: [f64; 2],
     /// By what the last one fell.
     ratio: f64,
     stalls: usize,
-    /// Of the step that comes next, or is being made.
-    factor: f64,
+    /// What the correction of the step that comes next, or is being made, is multiplied by.
+    pub factor: f64,
     steps: Steps,
     changed: Option<Changed>,
     /// The last correction that was half of those before it, and how many came after it.
@@ -74,23 +72,16 @@ impl Pace {
     /// another.
     pub const SAME: usize = 3;
 
-    /// What the next correction is multiplied by.
-    pub fn factor(&self) -> f64 {
-        self.factor
-    }
-
-    /// The last correction; infinite before the first.
     pub fn last(&self) -> f64 {
         self.before[0]
     }
 
     /// What the corrections still to come add up to, after `correction`.
     ///
-    /// Where light follows the displacement one iteration late, corrections fall unevenly: what repeats is two of them
-    /// together, by the rate `q = c(k) / c(k-2)`, and what is still to come is `(c(k-1) + c(k)) q / (1 - q)`; of
-    /// corrections that fall evenly that is the sum of their geometric series. Where light is solved with the
-    /// displacement they fall evenly (`is_even`), and the second correction tells the rate. As both may fall fast
-    /// by chance, none is taken below [`FASTEST`]; nor below a rate of which another step has hidden what is left.
+    /// Where light follows one iteration late, corrections fall unevenly: what repeats is two of them, by the rate
+    /// `q = c(k) / c(k-2)`, and still to come is `(c(k-1) + c(k)) q / (1 - q)`, of even ones the sum of their series.
+    /// Where light is solved along they fall evenly (`is_even`), and the second tells the rate. None is taken below
+    /// [`FASTEST`], since they may fall fast by chance, nor below a rate of which another step has hidden what is left.
     pub fn left(&self, correction: f64, is_even: bool) -> f64 {
         let [last, one_before] = self.before;
         let series = |rate: f64| rate / (1.0 - rate);
@@ -104,9 +95,17 @@ impl Pace {
         }
     }
 
-    /// Iterations until a correction has fallen to `target`; infinite if it does not fall.
+    /// Iterations until a correction falls to `target`, by the one two iterations ago; infinite if it does not fall.
     pub fn iterations_left(&self, correction: f64, target: f64) -> f64 {
-        iterations_left(correction, self.before[1], target)
+        let earlier = self.before[1];
+        if correction <= target {
+            return 0.0;
+        }
+        if correction < earlier {
+            2.0 * (target / correction).ln() / (correction / earlier).ln()
+        } else {
+            f64::INFINITY
+        }
     }
 
     /// Whether corrections are halved too seldom to fall to `target` within `iterations`: told by the last that was
@@ -116,14 +115,13 @@ impl Pace {
         since >= UNHALVED && (0.5 * correction / target).log2() * since as f64 > iterations as f64
     }
 
-    /// Takes notice of the `correction` that was made, and says how long the next step is; `anew` where what it was
-    /// found with has changed.
+    /// Notes the `correction` made and chooses the next step; `anew` where what it was found with has changed.
     pub fn note(&mut self, correction: f64, anew: bool) {
         let made = std::mem::replace(&mut self.factor, 1.0);
         let ratio = correction / self.before[0];
         self.before = [correction, self.before[0]];
-        self.halved =
-            if correction < 0.5 * self.halved.0 { (correction, 0) } else { (self.halved.0, self.halved.1 + 1) };
+        let (halved, since) = self.halved;
+        self.halved = if correction < 0.5 * halved { (correction, 0) } else { (halved, since + 1) };
         if let Some(Changed { rate, expected }) = self.changed {
             // Corrections from before the step say nothing of those after it.
             if made != 1.0 {
@@ -168,28 +166,18 @@ impl Pace {
     }
 }
 
-/// Iterations until a correction that was `earlier` two iterations ago has fallen to `target`; infinite if it does not
-/// fall.
-fn iterations_left(correction: f64, earlier: f64, target: f64) -> f64 {
-    if correction <= target {
-        return 0.0;
-    }
-    if correction < earlier { 2.0 * (target / correction).ln() / (correction / earlier).ln() } else { f64::INFINITY }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{Pace, Steps, iterations_left};
+    use super::{Pace, Steps};
 
-    /// The corrections of a field of modes that fall by these rates, the error left, and how many steps were made,
-    /// until the error left is said to be below the tolerance.
+    /// Steps, and the error left, until a field of modes that fall by these rates is said to be below the tolerance.
     fn run(modes: &[(f64, f64)], tolerance: f64) -> (usize, f64) {
         let mut errors: Vec<f64> = modes.iter().map(|mode| mode.0).collect();
         let mut pace = Pace::default();
         for iteration in 1..200 {
             let corrections: Vec<f64> = errors.iter().zip(modes).map(|(e, mode)| e * (1.0 - mode.1)).collect();
             let correction = corrections.iter().fold(0.0f64, |most, c| most.max(c.abs()));
-            errors.iter_mut().zip(&corrections).for_each(|(e, c)| *e -= pace.factor() * c);
+            errors.iter_mut().zip(&corrections).for_each(|(e, c)| *e -= pace.factor * c);
             if pace.left(correction, true) < tolerance {
                 return (iteration, errors.iter().fold(0.0f64, |most, e| most.max(e.abs())));
             }
@@ -201,11 +189,14 @@ mod tests {
     #[test]
     fn what_falls_by_a_tenth_each_time_needs_as_many_iterations_as_tenths() {
         // Two iterations ago it was 1 / 0.9^2 of what it is: 44 more take it to a hundredth, ln 0.01 / ln 0.9 = 43.7.
-        let left = iterations_left(1e-2, 1e-2 / 0.81, 1e-4);
-        assert!((left - 43.7).abs() < 0.05, "{left}");
-        assert_eq!(iterations_left(1e-5, 1e-2, 1e-4), 0.0);
-        assert_eq!(iterations_left(1e-2, 1e-2, 1e-4), f64::INFINITY);
-        assert_eq!(iterations_left(2e-2, 1e-2, 1e-4), f64::INFINITY);
+        let left = |correction: f64, earlier: f64| {
+            Pace { before: [f64::NAN, earlier], ..Pace::default() }.iterations_left(correction, 1e-4)
+        };
+        assert!((left(1e-2, 1e-2 / 0.81) - 43.7).abs() < 0.05, "{}", left(1e-2, 1e-2 / 0.81));
+        assert_eq!(
+            [(1e-5, 1e-2), (1e-2, 1e-2), (2e-2, 1e-2)].map(|(c, e)| left(c, e)),
+            [0.0, f64::INFINITY, f64::INFINITY]
+        );
     }
 
     #[test]
@@ -215,15 +206,15 @@ mod tests {
             for anew in [false, true] {
                 let mut pace = Pace::default();
                 for correction in [first, second].into_iter().take(Pace::SAME - 1) {
-                    assert_eq!(pace.factor(), 1.0);
+                    assert_eq!(pace.factor, 1.0);
                     pace.note(correction, anew);
                 }
-                assert_eq!(pace.factor(), 1.0, "{first} {second} {anew}");
+                assert_eq!(pace.factor, 1.0, "{first} {second} {anew}");
             }
         }
         let mut pace = Pace::default();
         [1.0, 0.5, 0.25].into_iter().for_each(|c| pace.note(c, false));
-        assert_ne!(pace.factor(), 1.0, "the one after them need not");
+        assert_ne!(pace.factor, 1.0, "the one after them need not");
     }
 
     #[test]
@@ -232,7 +223,7 @@ mod tests {
         let after_a_changed_step = |correction: f64, anew: bool| {
             let mut pace = Pace::default();
             [1.0, 0.5, 0.25].into_iter().for_each(|c| pace.note(c, false));
-            assert_eq!(pace.factor(), 1.0 / 1.5);
+            assert_eq!(pace.factor, 1.0 / 1.5);
             pace.note(0.125, false); // made with it
             pace.note(correction, anew);
             pace.steps
@@ -258,17 +249,15 @@ mod tests {
         // By 7 % each time a hundredth is not reached in 50 iterations, but in 100.
         let slow = |k: i32| 1e-2 * 0.93f64.powi(k);
         assert_eq!((ends(&slow, 50), ends(&slow, 100)), (Some(8), None));
-        // Every second one larger than the one before, by the same rate; and by a tenth each time, which halves them in
-        // seven.
+        // Every second one larger than before, by the same rate; and by a tenth each time, which halves them in seven.
         assert_eq!(ends(&|k| slow(k) * [1.0, 1.3][k as usize % 2], 50), Some(8));
         assert_eq!(ends(&|k| 40.0 * 0.9f64.powi(k), 50), None);
     }
 
     #[test]
     fn a_slow_mode_is_ended_by_one_step_and_the_error_left_is_below_the_tolerance() {
-        // The rate of an open hole under load (-0.74), with modes that fall fast, and others: of either sign, and two
-        // at once. With steps as they are the tolerance takes ln(1e-4) / ln(rate) iterations: 31 at 0.74, 57 at
-        // 0.85.
+        // The rate of an open hole under load (-0.74), with modes that fall fast, and others, also two at once. With
+        // steps as they are the tolerance takes ln(1e-4) / ln(rate) iterations: 31 at 0.74, 57 at 0.85.
         for (slow, most) in [
             (-0.6, 8),
             (-0.74, 9),

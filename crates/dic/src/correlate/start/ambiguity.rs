@@ -1,12 +1,9 @@
 //! Displacements that the images tell but for multiples of a period: which of them is given, and what is said of it.
 
 use crate::backend::{Backend, GreyTransfer, PixelSums};
-use crate::correlate::correlator::{COARSE, Correlator};
-use crate::correlate::error::CorrelationError;
-use crate::correlate::result::correlation::Correlation;
-use crate::correlate::solve::iterate::{Limits, iterate, nothing};
-use crate::correlate::start::find::LEAST_INSIDE;
-use crate::correlate::start::period::{Ambiguity, periods};
+use crate::correlate::{
+    Ambiguity, COARSE, Correlation, Correlator, LEAST_INSIDE, Limits, Result, iterate, nothing, periods,
+};
 use crate::field::Status;
 use crate::mesh::{Mesh, PixelSet};
 use crate::units::Px;
@@ -21,7 +18,6 @@ const CLEARLY: f64 = 0.02;
 /// and well enough for doubt when it is less by this share only.
 const FEW: f64 = 0.05;
 
-/// A displacement that is a period off.
 struct Beside {
     /// By how much in each zone; none where the texture does not repeat.
     shifts: Vec<Option<[f64; 2]>>,
@@ -35,16 +31,10 @@ impl<B: Backend> Correlator<B> {
         if let Some(periods) = self.periods.get() {
             return periods;
         }
-        // Made first and kept then: whoever waits for parts of it may take up another frame, which must not wait for
-        // this one.
+        // Made first, then kept: who waits for parts may take up another frame, which must not wait for this one.
         let of_zone = |pixels: &PixelSet| periods(&self.image, pixels);
         let periods: Vec<_> = self.zone_pixels.iter().map(of_zone).collect();
         self.periods.get_or_init(|| periods)
-    }
-
-    /// Says what [`Correlator::periods`] would find of a texture that is known not to repeat.
-    pub(crate) fn assume_no_period(&self) {
-        self.periods.get_or_init(|| vec![Vec::new(); self.zone_pixels.len()]);
     }
 
     /// What a correlation found, brought to the nearest to what was expected (rest unless said) of all displacements
@@ -54,7 +44,7 @@ impl<B: Backend> Correlator<B> {
         frame: &mut B::Frame,
         mut found: Correlation,
         expected: Option<&[[f64; 2]]>,
-    ) -> Result<Correlation, CorrelationError> {
+    ) -> Result<Correlation> {
         let periods = self.periods();
         if periods.iter().all(Vec::is_empty) || found.measurement.status != Status::Converged {
             return Ok(found);
@@ -89,7 +79,7 @@ impl<B: Backend> Correlator<B> {
         frame: &mut B::Frame,
         found: &Correlation,
         periods: &[Vec<[f64; 2]>],
-    ) -> Result<Vec<Beside>, CorrelationError> {
+    ) -> Result<Vec<Beside>> {
         let level = &self.levels[0];
         let transfer: Vec<GreyTransfer> = found.zones.iter().map(|zone| zone.transfer).collect();
         let mut besides = Vec::new();
@@ -106,28 +96,20 @@ impl<B: Backend> Correlator<B> {
                 continue;
             }
             let shifts: Vec<Option<[f64; 2]>> = periods.iter().enumerate().map(shift).collect();
-            let moved = |(u, &zone): (&[f64; 2], &u32)| {
-                let shift = shifts[zone as usize].unwrap_or([0.0; 2]);
-                [u[0] + shift[0], u[1] + shift[1]]
-            };
-            let displacement: Vec<[f64; 2]> =
-                found.full_displacement.iter().zip(level.mesh.node_zone()).map(moved).collect();
+            let displacement = shift_zones(&level.mesh, &found.full_displacement, &shifts);
             let mut field = self.backend.start(&level.prepared, frame, &displacement, &transfer)?;
             let turn = self.turn(level, &displacement);
             iterate(&self.backend, level, frame, &mut field, Limits { turn, ..limits }, &self.kernel, nothing)?;
             let observed = self.backend.observe(&level.prepared, frame, &mut field)?;
-            let correlation = |sums: &PixelSums| match sums.n >= LEAST_INSIDE * sums.n_all {
-                true => sums.correlation(),
-                false => f64::NEG_INFINITY,
-            };
+            let is_inside = |sums: &PixelSums| sums.n >= LEAST_INSIDE * sums.n_all;
+            let correlation = |sums: &PixelSums| if is_inside(sums) { sums.correlation() } else { f64::NEG_INFINITY };
             let correlations = observed.iter().map(|(sums, _)| correlation(sums)).collect();
             besides.push(Beside { shifts, correlations });
         }
         Ok(besides)
     }
 
-    /// The displacement with zones moved by a period where that matches as well or better and is nearer to what was
-    /// expected; `None` when no zone has such.
+    /// The displacement with zones moved by a period that matches better, or as well and nearer to `expected`.
     fn move_by_periods(
         &self,
         found: &Correlation,
@@ -139,9 +121,7 @@ impl<B: Backend> Correlator<B> {
             let off = off_expected(mesh, found, zone, expected);
             let own = found.zones[zone].correlation;
             let distance = |shift: [f64; 2]| (off[0] + shift[0]).hypot(off[1] + shift[1]);
-            besides
-                .iter()
-                .filter_map(|beside| Some((beside.shifts[zone]?, beside.correlations[zone])))
+            in_zone(besides, zone)
                 .filter(|&(shift, there)| {
                     let nearer = distance(shift) < 0.9 * distance([0.0; 2]);
                     there > own + CLEARLY || (there > own - AS_WELL && nearer)
@@ -150,21 +130,14 @@ impl<B: Backend> Correlator<B> {
                 .map(|(shift, _)| shift)
         };
         let shifts: Vec<Option<[f64; 2]>> = (0..mesh.zones().len()).map(shift).collect();
-        let moved = |(u, &zone): (&[f64; 2], &u32)| {
-            let shift = shifts[zone as usize].unwrap_or([0.0; 2]);
-            [u[0] + shift[0], u[1] + shift[1]]
-        };
-        let any = shifts.iter().any(Option::is_some);
-        any.then(|| found.full_displacement.iter().zip(mesh.node_zone()).map(moved).collect())
+        shifts.iter().any(Option::is_some).then(|| shift_zones(mesh, &found.full_displacement, &shifts))
     }
 
     /// What is to be said of the zone whose displacement is told worst; `None` when all are told.
     fn ambiguity(&self, found: &Correlation, besides: &[Beside], expected: Option<&[[f64; 2]]>) -> Option<Ambiguity> {
         let of_zone = |zone: usize| {
             let own = found.zones[zone].correlation;
-            let like = |beside: &Beside| Some((beside.shifts[zone]?, beside.correlations[zone]));
-            let as_well: Vec<_> =
-                besides.iter().filter_map(like).filter(|(_, there)| *there > (1.0 - FEW) * own).collect();
+            let as_well: Vec<_> = in_zone(besides, zone).filter(|(_, there)| *there > (1.0 - FEW) * own).collect();
             let length = |v: [f64; 2]| v[0].hypot(v[1]);
             let period_px = as_well.iter().map(|(shift, _)| length(*shift)).min_by(f64::total_cmp)?;
             let from_expected_px = length(off_expected(self.mesh(), found, zone, expected));
@@ -182,6 +155,20 @@ impl<B: Backend> Correlator<B> {
         let share = |ambiguity: &Ambiguity| ambiguity.from_expected_px / ambiguity.period_px;
         (0..found.zones.len()).filter_map(of_zone).max_by(|a, b| share(a).total_cmp(&share(b)))
     }
+}
+
+/// The shifts of a zone, and its correlation coefficients there.
+fn in_zone(besides: &[Beside], zone: usize) -> impl Iterator<Item = ([f64; 2], f64)> {
+    besides.iter().filter_map(move |beside| Some((beside.shifts[zone]?, beside.correlations[zone])))
+}
+
+/// The displacement with zones moved on by their shifts.
+fn shift_zones(mesh: &Mesh<Px>, displacement: &[[f64; 2]], shifts: &[Option<[f64; 2]>]) -> Vec<[f64; 2]> {
+    let moved = |(u, &zone): (&[f64; 2], &u32)| {
+        let shift = shifts[zone as usize].unwrap_or([0.0; 2]);
+        [u[0] + shift[0], u[1] + shift[1]]
+    };
+    displacement.iter().zip(mesh.node_zone()).map(moved).collect()
 }
 
 /// How far the displacement of a zone is from what was expected, rest unless said: mean over its measured nodes, px.

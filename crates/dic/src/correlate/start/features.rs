@@ -29,12 +29,10 @@ const NUMBERS: usize = 16 * GRADIENTS;
 /// A match counts when the next best is this much farther away.
 const UNLIKE: f32 = 0.85;
 
-/// The points of an image.
 pub(crate) struct Features {
     octaves: Vec<Octave>,
 }
 
-/// Those of one scale.
 struct Octave {
     /// Pixels of the image along one of this scale.
     px: f64,
@@ -63,7 +61,6 @@ pub(crate) struct Pair {
     pub px: f64,
 }
 
-/// Grey levels of one scale.
 struct Map {
     width: usize,
     height: usize,
@@ -122,7 +119,6 @@ impl Map {
 }
 
 impl Features {
-    /// The points of `image`.
     pub fn of(image: &Image) -> Self {
         let (mut map, mut px) = (Map::of(image), 1.0);
         while map.values.len() > MOST_PIXELS {
@@ -139,8 +135,7 @@ impl Features {
         Self { octaves }
     }
 
-    /// The points of this image among the pixels of a zone, each with its like in `deformed` where that is told from
-    /// others.
+    /// The points of this image in a zone, each with its like in `deformed` where that is told from others.
     pub fn pairs(&self, deformed: &Self, zone: &PixelSet) -> Vec<Pair> {
         let of_octave = |(own, other): (&Octave, &Octave)| {
             let inside =

@@ -1,13 +1,10 @@
 //! Where a frame starts of which nothing is known: the motions that are tried, and the correlation that decides.
 
 use crate::backend::{Backend, GreyTransfer, PixelSums};
-use crate::correlate::correlator::{Correlator, choose_better};
-use crate::correlate::error::CorrelationError;
-use crate::correlate::prepare::level::Level;
-use crate::correlate::result::correlation::{Correlation, StartUsed};
-use crate::correlate::start::features::Features;
-use crate::correlate::start::search::{Motion, first_motion, motions};
-use crate::correlate::start::wide_search::wide_motions;
+use crate::correlate::{
+    Correlation, Correlator, Features, Level, Motion, Result, StartUsed, choose_better, first_motion, motions,
+    wide_motions,
+};
 use crate::field::Status;
 
 /// With this correlation coefficient a zone is found: no other candidates are tried.
@@ -25,7 +22,6 @@ pub(crate) fn score(sums: &PixelSums) -> f64 {
     if is_inside { sums.correlation() } else { sums.correlation().min(FEW_INSIDE) }
 }
 
-/// The best motion of a zone so far.
 #[derive(Debug, Clone)]
 struct Tried {
     /// Its correlation coefficient on the coarsest level.
@@ -41,11 +37,10 @@ impl Default for Tried {
 }
 
 impl<B: Backend> Correlator<B> {
-    /// Finds each zone on the coarsest level and iterates down the pyramid: near where it was, and in the whole image
-    /// when it is not there, or when that does not end well.
+    /// Finds each zone on the coarsest level, near or, if that fails, in the whole image; iterates down the pyramid.
     ///
     /// What does not converge even so is tried once more from there, smoothly and without what does not match.
-    pub(crate) fn search(&self, frame: &mut B::Frame) -> Result<Correlation, CorrelationError> {
+    pub(crate) fn search(&self, frame: &mut B::Frame) -> Result<Correlation> {
         let (found, tried) = self.search_once(frame)?;
         let ended_well = !matches!(found.measurement.status, Status::Diverged | Status::IterationLimit);
         if ended_well || !self.may_try_again() {
@@ -54,8 +49,7 @@ impl<B: Backend> Correlator<B> {
         Ok(choose_better(found, self.begin_from(frame, &tried, true)?))
     }
 
-    /// The result, and the motions from which it was begun.
-    fn search_once(&self, frame: &mut B::Frame) -> Result<(Correlation, Vec<Tried>), CorrelationError> {
+    fn search_once(&self, frame: &mut B::Frame) -> Result<(Correlation, Vec<Tried>)> {
         let top = self.levels.len() - 1;
         let mesh = &self.levels[top].mesh;
         let deformed = self.backend.grey_map(frame, top);
@@ -118,14 +112,8 @@ impl<B: Backend> Correlator<B> {
         (0..self.zone_pixels.len()).map(of_zone).collect()
     }
 
-    /// Tries the motions on the coarsest level, each zone its own next one in each round, until all zones are found.
-    /// What matches best stays in `best`.
-    fn try_motions(
-        &self,
-        frame: &mut B::Frame,
-        best: &mut [Tried],
-        candidates: Vec<Vec<Motion>>,
-    ) -> Result<(), CorrelationError> {
+    /// Tries the motions on the coarsest level, each zone its next one, until all are found; `best` keeps the best.
+    fn try_motions(&self, frame: &mut B::Frame, best: &mut [Tried], candidates: Vec<Vec<Motion>>) -> Result<()> {
         let level = &self.levels[self.levels.len() - 1];
         let rounds = candidates.iter().map(Vec::len).max().unwrap_or(0);
         for round in 0..rounds {
@@ -151,21 +139,15 @@ impl<B: Backend> Correlator<B> {
         Ok(())
     }
 
-    /// Iterates down the pyramid from the motion of each zone, `smoothly` as long as it is not known what does not
-    /// match.
-    fn begin_from(
-        &self,
-        frame: &mut B::Frame,
-        tried: &[Tried],
-        smoothly: bool,
-    ) -> Result<Correlation, CorrelationError> {
+    /// Iterates down the pyramid from the motion of each zone, `smoothly` until it is known what does not match.
+    fn begin_from(&self, frame: &mut B::Frame, tried: &[Tried], smoothly: bool) -> Result<Correlation> {
         let transfer = tried.iter().map(|tried| tried.transfer).collect();
         let motions: Vec<Motion> = tried.iter().map(|tried| tried.motion.clone()).collect();
         let displacement = self.displacement_under(&self.levels[self.levels.len() - 1], &motions);
-        if smoothly {
-            return self.smooth_pyramid(frame, displacement, transfer, StartUsed::Cold);
+        match smoothly {
+            true => self.smooth_pyramid(frame, displacement, transfer),
+            false => self.descend_pyramid(frame, displacement, transfer, StartUsed::Cold),
         }
-        self.descend_pyramid(frame, displacement, transfer, StartUsed::Cold)
     }
 
     /// The displacement of a level's nodes under the motions of their zones.

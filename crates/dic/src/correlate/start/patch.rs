@@ -1,5 +1,4 @@
-//! A piece of an image with its interpolation, on the host: grey levels between a few pixels without the coefficients
-//! of the whole image.
+//! A piece of an image with its interpolation, on the host, without the coefficients of the whole image.
 
 use crate::backend::{at_pixel, taps};
 use crate::imaging::{Image, Interpolation, Levels};
@@ -10,8 +9,7 @@ const SETTLED: isize = 8;
 /// Pixels beside the piece that interpolation reaches.
 const REACH: isize = 3;
 
-/// Coefficients of a piece of an image, column after column: so both passes of the filter run over whole rows of memory
-/// at once.
+/// Coefficients of a piece of an image, column after column: both passes of the filter run over whole rows of memory.
 pub(crate) struct Patch {
     interpolation: Interpolation,
     corner: [isize; 2],
@@ -20,8 +18,7 @@ pub(crate) struct Patch {
 }
 
 impl Patch {
-    /// The piece of `image`, less `offset`, for points from `low` to `high` px. Beyond the image it goes on as the
-    /// backends let it, `s(-k) = 2 s(0) - s(k)`.
+    /// The piece of `image`, less `offset`, from `low` to `high` px; beyond the image `s(-k) = 2 s(0) - s(k)`.
     pub fn new(image: &Image, offset: f32, low: [isize; 2], high: [isize; 2], interpolation: Interpolation) -> Self {
         let poles = interpolation.poles();
         let margin = if poles.is_empty() { REACH } else { REACH + SETTLED };
@@ -128,8 +125,7 @@ fn transposed(values: &[f32], width: usize) -> Vec<f32> {
     by_columns
 }
 
-/// The recursive filter of one pole down all columns at once, there and back (Unser 1999); the ends go on as if
-/// constant, which the margin forgets.
+/// The recursive filter of one pole down all columns at once, there and back (Unser 1999); the margin forgets the ends.
 fn filter_columns(pole: f32, width: usize, values: &mut [f32]) {
     let gain = (1.0 - pole) * (1.0 - 1.0 / pole);
     let height = values.len() / width;

@@ -1,5 +1,4 @@
-//! Textures that repeat: the shifts at which a reference looks like itself, and what is said of a displacement that is
-//! known but for multiples of them.
+//! Textures that repeat: the shifts at which a reference looks like itself, and what is said of a displacement then.
 
 use crate::imaging::Image;
 use crate::mesh::PixelSet;
@@ -38,8 +37,7 @@ pub struct Ambiguity {
     pub correlation_beside: f64,
     /// Mean distance of the displacement from the one that was expected, px.
     pub from_expected_px: f64,
-    /// Whether that is less than a third of the period: of all displacements that match, it is clearly the nearest to
-    /// what was expected.
+    /// Whether that is below a third of the period: of all that match it is clearly the nearest to expectation.
     pub confirmed: bool,
     /// Whether the frames before were what it was expected from; rest else.
     pub from_series: bool,
@@ -184,7 +182,7 @@ fn transform(values: &mut [Complex32], side: usize, fft: &Arc<dyn Fft<f32>>) {
 }
 
 /// The transpose of a square in place, tile by tile: a column of a power of two of rows has one place in a small cache.
-fn transpose(values: &mut [Complex32], side: usize) {
+pub(crate) fn transpose(values: &mut [Complex32], side: usize) {
     /// Side of a tile, numbers of 8 bytes: a row of it is a line of the cache.
     const TILE: usize = 8;
     for v in (0..side).step_by(TILE) {

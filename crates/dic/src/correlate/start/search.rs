@@ -2,6 +2,7 @@
 //! affine motion that most tiles of a zone agree on, and what groups of tiles find beyond it.
 
 use crate::backend::GreyMap;
+use crate::correlate::transpose;
 use crate::mesh::{PixelSet, Roi};
 use quadrille_fourier::num_complex::Complex32;
 use quadrille_fourier::{Fft, single};
@@ -60,7 +61,6 @@ pub(crate) struct Motion {
 const NEIGHBOURS: usize = 5;
 
 impl Motion {
-    /// Rest.
     pub fn rest() -> Self {
         Self::of(Affine::translation([0.0; 2]))
     }
@@ -99,7 +99,6 @@ impl Motion {
     }
 }
 
-/// Where one tile was found.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Match {
     /// Its centre in the reference, px of the level.
@@ -143,10 +142,8 @@ type Tile = ([usize; 2], [usize; 2]);
 /// The tiles of a zone, of every `step` of them along each axis one.
 fn tiles(reference: &GreyMap, zone: Roi, pixels: &PixelSet, step: usize) -> Vec<Tile> {
     let first = |x: f64| x.ceil().max(0.0) as usize;
-    let (x0, y0) = (first(zone.x0), first(zone.y0));
-    let end = |x: f64, n: usize| (x.ceil().max(0.0) as usize).min(n);
-    let (x1, y1) = (end(zone.x1, reference.width), end(zone.y1, reference.height));
-    let starts = |a: usize, b: usize| -> Vec<(usize, usize)> {
+    let starts = |low: f64, high: f64, n: usize| -> Vec<(usize, usize)> {
+        let (a, b) = (first(low), first(high).min(n));
         let length = b.saturating_sub(a);
         let count = (length / TILE).max(1);
         let size = length.min(TILE);
@@ -156,9 +153,9 @@ fn tiles(reference: &GreyMap, zone: Roi, pixels: &PixelSet, step: usize) -> Vec<
             .map(|k| (a + (length - size * count) * (2 * k + 1) / (2 * count) + k * size, size))
             .collect()
     };
-    starts(y0, y1)
-        .into_iter()
-        .flat_map(|(y, ny)| starts(x0, x1).into_iter().map(move |(x, nx)| ([x, y], [nx, ny])))
+    let (columns, rows) = (starts(zone.x0, zone.x1, reference.width), starts(zone.y0, zone.y1, reference.height));
+    rows.into_iter()
+        .flat_map(|(y, ny)| columns.iter().map(move |&(x, nx)| ([x, y], [nx, ny])))
         .filter(|(_, size)| size[0] >= 8 && size[1] >= 8)
         // What a tile holds of other things moves otherwise.
         .filter(|([x, y], [nx, ny])| 2 * pixels.count([*x, *y, x + nx, y + ny]) >= nx * ny)
@@ -167,18 +164,14 @@ fn tiles(reference: &GreyMap, zone: Roi, pixels: &PixelSet, step: usize) -> Vec<
 
 fn match_tiles(reference: &GreyMap, deformed: &GreyMap, tiles: Vec<Tile>) -> Vec<Match> {
     let [forward, inverse] = single(WINDOW);
-    tiles
-        .into_par_iter()
-        .filter_map(|(at, size)| match_tile(reference, deformed, at, size, &forward, &inverse))
-        .collect()
+    tiles.into_par_iter().filter_map(|tile| match_tile(reference, deformed, tile, &forward, &inverse)).collect()
 }
 
 /// Finds one tile by zero-mean normalised cross-correlation.
 fn match_tile(
     reference: &GreyMap,
     deformed: &GreyMap,
-    at: [usize; 2],
-    size: [usize; 2],
+    (at, size): Tile,
     forward: &Arc<dyn Fft<f32>>,
     inverse: &Arc<dyn Fft<f32>>,
 ) -> Option<Match> {
@@ -261,11 +254,17 @@ fn match_tile(
 fn transform(values: &mut [Complex32], fft: &Arc<dyn Fft<f32>>) {
     for _ in 0..2 {
         fft.process(values);
-        for y in 0..WINDOW {
-            for x in 0..y {
-                values.swap(y * WINDOW + x, x * WINDOW + y);
-            }
-        }
+        transpose(values, WINDOW);
+    }
+}
+
+/// Draws numbers below others, the same for the same `state` (xorshift).
+pub(crate) fn draws(mut state: u64) -> impl FnMut(usize) -> usize {
+    move |n| {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 33) as usize % n
     }
 }
 
@@ -275,23 +274,15 @@ fn find_agreed_motion(matches: &[Match]) -> Option<Affine> {
     /// Draws of three tiles: where three tenths agree, all draws miss them in one of 50 000 searches.
     const TRIALS: usize = 400;
     let mut best: Vec<usize> = Vec::new();
-    let mut state = 0x2545_F491_4F6C_DD1Du64;
-    let mut draw = |n: usize| {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 33) as usize % n
-    };
+    let mut draw = draws(0x2545_F491_4F6C_DD1D);
     let agreeing =
         |motion: &Affine| -> Vec<usize> { (0..matches.len()).filter(|&k| motion.agrees(&matches[k])).collect() };
     let mut consider = |motion: Affine| {
         // A scale far from one, or a mirror image, is no motion of a specimen.
         let strain_too_large = motion.gradient.iter().flatten().any(|g| g.abs() > 0.5);
-        if !strain_too_large {
-            let agree = agreeing(&motion);
-            if agree.len() > best.len() {
-                best = agree;
-            }
+        let agree = if strain_too_large { Vec::new() } else { agreeing(&motion) };
+        if agree.len() > best.len() {
+            best = agree;
         }
     };
     for m in matches {
@@ -305,8 +296,7 @@ fn find_agreed_motion(matches: &[Match]) -> Option<Affine> {
             }
         }
     }
-    let needed = (matches.len() / 4).max(2);
-    if best.len() < needed {
+    if best.len() < (matches.len() / 4).max(2) {
         return None;
     }
     let agreeing_tiles: Vec<Match> = best.iter().map(|&k| matches[k]).collect();
@@ -317,8 +307,7 @@ fn find_agreed_motion(matches: &[Match]) -> Option<Affine> {
     }))
 }
 
-/// Least-squares affine motion; a rotation with scale when the tiles lie on a line (a thin strip); `None`
-/// when they are fewer than three or all at one place.
+/// Least-squares affine motion; of tiles on a line a rotation with scale; `None` of fewer than three or one place.
 pub(crate) fn fit(matches: &[Match]) -> Option<Affine> {
     let n = matches.len() as f64;
     if matches.len() < 3 {

@@ -1,8 +1,6 @@
-//! Where a zone is when it is not near where it was: the motions that points which look alike agree on, whatever the
-//! shift and the rotation.
+//! Where a zone is when it is far from where it was: motions that points which look alike agree on, shifted or turned.
 
-use crate::correlate::start::features::{Features, Pair};
-use crate::correlate::start::search::{Match, Motion, fit};
+use crate::correlate::{Features, Match, Motion, Pair, draws, fit};
 use crate::mesh::PixelSet;
 
 /// Pairs of points drawn for a motion.
@@ -30,7 +28,6 @@ struct Similarity {
 }
 
 impl Similarity {
-    /// The one that takes two points to two others.
     fn of(p: &Pair, q: &Pair) -> Option<Self> {
         let (d, e) = ([q.from[0] - p.from[0], q.from[1] - p.from[1]], [q.to[0] - p.to[0], q.to[1] - p.to[1]]);
         let square = d[0] * d[0] + d[1] * d[1];
@@ -72,20 +69,16 @@ pub(crate) fn wide_motions(reference: &Features, deformed: &Features, zone: &Pix
     let mut motions = Vec::new();
     for _ in 0..MOTIONS {
         let Some(found) = find_most_agreed(&pairs) else { break };
-        let own = |pair: &Pair| found.has(pair);
-        let agreed: Vec<Match> = pairs.iter().filter(|pair| own(pair)).map(|pair| on_level(pair, level)).collect();
+        let agreed: Vec<Match> =
+            pairs.iter().filter(|pair| found.has(pair)).map(|pair| on_level(pair, level)).collect();
         let Some(affine) = fit(&agreed) else { break };
         // On the level itself, all scales alike: a point that bends away still belongs to this piece.
         let beside = |m: &Match, px: f64| {
             let u = affine.displacement(m.centre);
             (u[0] - m.displacement[0]).hypot(u[1] - m.displacement[1]) < BENT * AGREEMENT * px / level_px(level)
         };
-        let piece: Vec<Match> = pairs
-            .iter()
-            .map(|pair| (on_level(pair, level), pair.px))
-            .filter(|(m, px)| beside(m, *px))
-            .map(|(m, _)| m)
-            .collect();
+        let on_piece = |pair: &Pair| Some(on_level(pair, level)).filter(|m| beside(m, pair.px));
+        let piece: Vec<Match> = pairs.iter().filter_map(on_piece).collect();
         motions.push(Motion::of(affine));
         motions.push(Motion::with_deviations(affine, &piece));
         pairs.retain(|pair| !beside(&on_level(pair, level), pair.px));
@@ -112,13 +105,7 @@ fn find_most_agreed(pairs: &[Pair]) -> Option<Similarity> {
     if pairs.len() < LEAST {
         return None;
     }
-    let mut state = 0x9E37_79B9_7F4A_7C15u64;
-    let mut draw = |n: usize| {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 33) as usize % n
-    };
+    let mut draw = draws(0x9E37_79B9_7F4A_7C15);
     let mut best: (usize, Option<Similarity>) = (LEAST - 1, None);
     for _ in 0..TRIALS {
         let (p, q) = (&pairs[draw(pairs.len())], &pairs[draw(pairs.len())]);

@@ -1,12 +1,7 @@
-//! A prediction that is far off is moved first, each zone as a whole: rigidly, then with the strain that all of it has
-//! in common.
+//! A prediction that is far off is moved first, each zone as a whole: rigidly, then with its common strain.
 
 use crate::backend::{Backend, GreyTransfer};
-use crate::correlate::correlator::Correlator;
-use crate::correlate::error::CorrelationError;
-use crate::correlate::prepare::level::{Level, coarser};
-use crate::correlate::prior::filled::affine;
-use crate::correlate::start::find::score;
+use crate::correlate::{Correlator, Level, Result, affine, coarser, score};
 use crate::field::RigidMotion;
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -18,7 +13,6 @@ const STEPS: usize = 12;
 /// and none after one that moves no node of a zone by this much, px of the level.
 const SMALL_PX: f64 = 0.02;
 
-/// Where a zone has matched best so far.
 struct Best {
     score: f64,
     /// Of its nodes.
@@ -35,7 +29,7 @@ impl<B: Backend> Correlator<B> {
         frame: &mut B::Frame,
         displacement: &[[f64; 2]],
         transfer: &[GreyTransfer],
-    ) -> Result<Vec<[f64; 2]>, CorrelationError> {
+    ) -> Result<Vec<[f64; 2]>> {
         let start = self.carry_to_coarsest(displacement);
         let level = &self.levels[self.levels.len() - 1];
         let system = ZoneSystem::new(level);
@@ -74,8 +68,12 @@ impl<B: Backend> Correlator<B> {
         let halvings = self.levels.len() - 1;
         let on_coarsest = |x: f64| (0..halvings).fold(x, |x, _| coarser(x));
         for zone in zones {
-            let nodes = level.mesh.zone_nodes(zone);
-            let motion = affine(&nodes.map(|node| step_of(level, node, start[node], now[node])).collect::<Vec<_>>());
+            // Where a node was, and how it has gone on from there.
+            let step = |node: usize| {
+                let (x, u) = (level.mesh.nodes()[node], start[node]);
+                ([0, 1].map(|c| x[c] + u[c]), [0, 1].map(|c| now[node][c] - u[c]))
+            };
+            let motion = affine(&level.mesh.zone_nodes(zone).map(step).collect::<Vec<_>>());
             for node in self.mesh().zone_nodes(zone) {
                 let x = self.mesh().nodes()[node];
                 let more = motion([0, 1].map(|c| on_coarsest(x[c] + moved[node][c])));
@@ -84,12 +82,6 @@ impl<B: Backend> Correlator<B> {
         }
         Ok(moved)
     }
-}
-
-/// Where a node of `level` was that has moved `from`, and how it has gone on from there.
-fn step_of<B: Backend>(level: &Level<B>, node: usize, from: [f64; 2], to: [f64; 2]) -> ([f64; 2], [f64; 2]) {
-    let x = level.mesh.nodes()[node];
-    ([0, 1].map(|c| x[c] + from[c]), [0, 1].map(|c| to[c] - from[c]))
 }
 
 /// A normal matrix for some motions of a zone; none where its texture says nothing.
@@ -107,8 +99,7 @@ fn rigid() -> SMatrix<f64, 3, N_MOTIONS> {
     rigid
 }
 
-/// A unit of each motion, a translation along each axis and the gradients `du_x/dx`, `du_x/dy`, `du_y/dx`, `du_y/dy`,
-/// at `d` from the centre.
+/// At `d` from the centre, a translation along each axis and the gradients `du_x/dx`, `du_x/dy`, `du_y/dx`, `du_y/dy`.
 fn units([x, y]: [f64; 2]) -> [[f64; 2]; N_MOTIONS] {
     [[1.0, 0.0], [0.0, 1.0], [x, 0.0], [y, 0.0], [0.0, x], [0.0, y]]
 }
@@ -179,7 +170,6 @@ impl ZoneSystem {
         step.iter().all(|v| v.is_finite()).then_some(moved)
     }
 
-    /// The same of the affine motion.
     fn affine_step(
         &self,
         zone: usize,
@@ -202,7 +192,6 @@ impl ZoneSystem {
     }
 }
 
-/// The product of two vectors over some nodes.
 fn dot(a: &[[f64; 2]], b: &[[f64; 2]], nodes: Range<usize>) -> f64 {
     nodes.map(|k| a[k][0] * b[k][0] + a[k][1] * b[k][1]).sum()
 }

@@ -118,8 +118,7 @@ fn group(zone: usize, middles: &[[f64; 2]], size: f64) -> Group {
     Group { zone, n_elements: n, middle, length_px, width_px, line: is_line.then_some(line) }
 }
 
-/// The longest of the shortest ways between two of the points, as the points that it goes through: between ends that
-/// are found by going to the furthest twice.
+/// The points of the longest of the shortest ways between two of them: going to the furthest twice finds its ends.
 fn longest(points: &[[f64; 2]], reach: f64) -> Vec<[f64; 2]> {
     let cells = Cells::new(points, reach);
     let (from_any, _) = ways(points, &cells, 0);
@@ -142,8 +141,7 @@ fn furthest(distances: &[f64]) -> usize {
     (0..distances.len()).max_by(|&a, &b| distances[a].total_cmp(&distances[b])).unwrap_or(0)
 }
 
-/// Lengths of the shortest ways from `start`, and the point before each on its way. Long steps cost more, so that none
-/// of the points between is passed over.
+/// Lengths of the shortest ways from `start`, and the point before each. Long steps cost more: none is passed over.
 fn ways(points: &[[f64; 2]], cells: &Cells<'_>, start: usize) -> (Vec<f64>, Vec<Option<usize>>) {
     let mut best = vec![f64::INFINITY; points.len()];
     let mut before = vec![None; points.len()];
@@ -168,8 +166,7 @@ fn ways(points: &[[f64; 2]], cells: &Cells<'_>, start: usize) -> (Vec<f64>, Vec<
     (best, before)
 }
 
-/// The path moved into the middle of the points around it, at steps of an element, and made longer by half an element
-/// at either end.
+/// The path moved into the middle of the points around, at steps of an element, half an element longer at both ends.
 fn centre(path: &[[f64; 2]], points: &[[f64; 2]], size: f64) -> Vec<[f64; 2]> {
     let around = Cells::new(points, 1.8 * size);
     let mean = |at: [f64; 2]| {

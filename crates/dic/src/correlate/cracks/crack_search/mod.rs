@@ -1,16 +1,13 @@
-//! Cracks found from the residual (docs/correlation.md, section 2.12): lines of elements that do not match, whose two
-//! sides part.
+//! Cracks found from the residual (docs/correlation.md, section 2.12): lines of misfit whose two sides part.
 //!
-//! A frame is correlated without a cut. Where its marked elements form a line, each side of it is followed up to the
-//! line by its own motion, and the path is where the pixels change from the one to the other. The mesh is then cut
-//! along it and the frame correlated again: it is a crack when it opens.
+//! A frame is correlated without a cut. Where its marked elements form a line, each side is followed up to it by its
+//! own motion: the path is where the pixels change sides. With the mesh cut along it, it is a crack when it opens.
 
 mod lines;
 mod sides;
 
-use crate::correlate::error::CorrelationError;
-use crate::correlate::result::correlation::Correlation;
-use crate::field::{CrackLine, ElementMark, Jump, Measurement, ModelError, NodalNoise};
+use crate::correlate::{Correlation, Result, is_mismatch};
+use crate::field::{CrackLine, Jump, Measurement, ModelError, NodalNoise};
 use crate::imaging::Image;
 use crate::mesh::{Crack, FacePoint, Mesh, Zone, project};
 use crate::units::Px;
@@ -124,27 +121,21 @@ pub fn search_cracks(
     deformed: &Image,
     zones: &[Zone],
     guard: f64,
-    correlate: &mut dyn FnMut(&[Zone]) -> Result<Correlation, CorrelationError>,
-) -> Result<CrackSearch, CorrelationError> {
+    correlate: &mut dyn FnMut(&[Zone]) -> Result<Correlation>,
+) -> Result<CrackSearch> {
     let uncut = correlate(zones)?.measurement;
     let mut search = CrackSearch::default();
     let (Some(marks), true) = (&uncut.marks, uncut.status.has_field()) else { return Ok(search) };
-    let bad: Vec<bool> = marks.iter().map(|&mark| is_bad(mark)).collect();
+    let bad: Vec<bool> = marks.iter().map(|&mark| is_mismatch(mark)).collect();
     search.marked = bad.iter().filter(|&&bad| bad).count();
     let mut found: Vec<(Group, Between)> = Vec::new();
     let mut try_groups = |search: &mut CrackSearch, groups: Vec<Group>| {
         for group in groups.into_iter().take(MOST) {
-            let seen = match &group.line {
-                Some(line) => sides(line, &uncut, [reference, deformed]),
-                None => {
-                    search.reject(&group, NoCrack::NotALine([group.length_px, group.width_px]));
-                    continue;
-                }
-            };
-            match seen {
-                Sides::Two(between) if between.share >= FOLLOWED => found.push((group, between)),
-                Sides::Two(_) | Sides::One => search.reject(&group, NoCrack::OneSide),
-                Sides::NotMeasured => search.reject(&group, NoCrack::NotMeasured),
+            match group.line.as_ref().map(|line| sides(line, &uncut, [reference, deformed])) {
+                None => search.reject(&group, NoCrack::NotALine([group.length_px, group.width_px])),
+                Some(Sides::Two(between)) if between.share >= FOLLOWED => found.push((group, between)),
+                Some(Sides::Two(_) | Sides::One) => search.reject(&group, NoCrack::OneSide),
+                Some(Sides::NotMeasured) => search.reject(&group, NoCrack::NotMeasured),
             }
         }
     };
@@ -176,14 +167,6 @@ pub fn search_cracks(
 impl CrackSearch {
     fn reject(&mut self, group: &Group, why: NoCrack) {
         self.rejected.push(Rejected { elements: group.n_elements, at: group.middle, why });
-    }
-}
-
-/// Whether a crack may be why an element has its mark.
-fn is_bad(mark: ElementMark) -> bool {
-    match mark {
-        ElementMark::None | ElementMark::NoTexture | ElementMark::LeftImage => false,
-        ElementMark::Misfit | ElementMark::Still | ElementMark::Saturated | ElementMark::NoMatch => true,
     }
 }
 
@@ -275,8 +258,7 @@ fn median(values: &mut [f64]) -> f64 {
 
 /// Opening (least, median, largest) and sliding of a path in a field whose mesh is cut along it, when it opens.
 fn measure_opening(cut: &Measurement<Px>, path: &[[f64; 2]], between: &Between) -> Result<([f64; 3], f64), NoCrack> {
-    let line =
-        Some(()).filter(|()| cut.status.has_field()).and_then(|()| CrackLine::on(&cut.mesh, path.to_vec(), None));
+    let line = if cut.status.has_field() { CrackLine::on(&cut.mesh, path.to_vec(), None) } else { None };
     let Some(line) = line else { return Err(NoCrack::NotMeasured) };
     let values = line.read(cut, &NodalNoise::new(&cut.mesh, &cut.measured).of_coefficients());
     let along = |at: [f64; 2]| project(path, at).map_or(0.0, |found| found.along);

@@ -1,8 +1,7 @@
 //! The two sides of a line: how each of them moves, and up to where the pixels between follow the one or the other.
 
 use super::lines::distance;
-use crate::correlate::judge::marks::bilinear;
-use crate::correlate::prior::filled::affine;
+use crate::correlate::{affine, bilinear};
 use crate::field::{ElementMark, Measurement};
 use crate::imaging::Image;
 use crate::mesh::{point_along, project};
@@ -36,7 +35,6 @@ pub(super) struct Between {
     pub share: f64,
 }
 
-/// What was found about a line.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Sides {
     /// Two sides that move differently.
@@ -47,15 +45,12 @@ pub(super) enum Sides {
     One,
 }
 
-/// The field beside a line, in stations half an element apart.
-struct Station {
-    /// Affine motion of the side `+` (above a line to the right) and of the other.
-    motions: [[[f64; 3]; 2]; 2],
-}
+/// Affine motions of the side `+` (above a line to the right) and of the other, in stations half an element apart.
+struct Station([[[f64; 3]; 2]; 2]);
 
 impl Station {
     fn displacement(&self, side: usize, [x, y]: [f64; 2]) -> [f64; 2] {
-        self.motions[side].map(|[a, b, c]| a + b * x + c * y)
+        self.0[side].map(|[a, b, c]| a + b * x + c * y)
     }
 }
 
@@ -68,23 +63,17 @@ fn beside(line: &[[f64; 2]], at: [f64; 2]) -> Option<[f64; 2]> {
     ((d[0] * tx + d[1] * ty).abs() < 0.5 * found.distance.max(1.0)).then_some([found.along, d[0] * ty - d[1] * tx])
 }
 
-/// The nodes that tell how the specimen moves: measured, and not pulled along by an element that is in the sums and
-/// does not match.
-fn good_nodes(field: &Measurement<Px>) -> Vec<bool> {
-    let mut good = field.measured.clone();
-    for (nodes, mark) in field.mesh.elements().iter().zip(field.marks.as_deref().unwrap_or_default()) {
-        if matches!(mark, ElementMark::Misfit | ElementMark::Still) {
-            nodes.iter().for_each(|&node| good[node as usize] = false);
-        }
-    }
-    good
-}
-
 /// The stations along a line; none where one of the sides is not measured.
 fn stations(line: &[[f64; 2]], length: f64, field: &Measurement<Px>) -> Vec<Option<Station>> {
     let mesh = &field.mesh;
     let size = mesh.element_size();
-    let good = good_nodes(field);
+    // Measured, and of no element in the sums that does not match.
+    let mut good = field.measured.clone();
+    for (nodes, mark) in mesh.elements().iter().zip(field.marks.as_deref().unwrap_or_default()) {
+        if matches!(mark, ElementMark::Misfit | ElementMark::Still) {
+            nodes.iter().for_each(|&node| good[node as usize] = false);
+        }
+    }
     let near: Vec<([f64; 2], usize)> = (0..mesh.n_nodes())
         .filter(|&node| good[node])
         .filter_map(|node| Some((beside(line, mesh.nodes()[node])?, node)))
@@ -92,10 +81,8 @@ fn stations(line: &[[f64; 2]], length: f64, field: &Measurement<Px>) -> Vec<Opti
         .collect();
     let n = (2.0 * length / size).ceil() as usize + 1;
     let motion = |along: f64, sign: f64| {
-        let own = || {
-            let is_own = move |([s, t], _): &&([f64; 2], usize)| (s - along).abs() < ALONG * size && t * sign > 1.0;
-            near.iter().filter(is_own)
-        };
+        let is_own = |([s, t], _): &&([f64; 2], usize)| (s - along).abs() < ALONG * size && t * sign > 1.0;
+        let own = || near.iter().filter(is_own);
         let nearest = own().map(|([_, t], _)| t.abs()).fold(f64::INFINITY, f64::min);
         let reach = (nearest + DEPTH * size).min((ACROSS + DEPTH) * size);
         let points: Vec<_> = own()
@@ -111,7 +98,7 @@ fn stations(line: &[[f64; 2]], length: f64, field: &Measurement<Px>) -> Vec<Opti
     };
     let station = |k: usize| {
         let along = 0.5 * size * k as f64;
-        Some(Station { motions: [motion(along, 1.0)?, motion(along, -1.0)?] })
+        Some(Station([motion(along, 1.0)?, motion(along, -1.0)?]))
     };
     (0..n).map(station).collect()
 }
@@ -196,8 +183,7 @@ impl Costs {
         values[from..to.max(from)].iter().sum()
     }
 
-    /// Where the border between the sides runs, px across at each place along: the least of what is left, by dynamic
-    /// programming.
+    /// Where the border between the sides runs, px across at each place along, by dynamic programming.
     fn border(&self) -> Vec<usize> {
         let (n, price) = (self.n_across + 1, STEP_PRICE * self.variance);
         let mut best = vec![0.0; n];
@@ -254,8 +240,7 @@ impl Costs {
     }
 }
 
-/// The pixels within `reach` of a line and some more, row by row: those in the boxes around its pieces, whose number
-/// grows with its length and not with the box around all of it.
+/// The pixels within `reach` of a line and some more, row by row: those in boxes around its pieces, not around all.
 fn around(line: &[[f64; 2]], reach: f64, image: &Image) -> Vec<[usize; 2]> {
     let mut pixels = Vec::new();
     for piece in line.windows(2) {
