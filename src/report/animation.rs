@@ -76,9 +76,7 @@ impl Animation {
     /// # Errors
     /// A file that cannot be made.
     pub fn create(path: &Path, kind: Animated, size: [u16; 2], n: usize, ms: u16) -> Result<Self, ReportError> {
-        let mut unfinished = path.as_os_str().to_owned();
-        unfinished.push(".part");
-        let unfinished = PathBuf::from(unfinished);
+        let unfinished = path.with_added_extension("part");
         let failed = |source| ReportError::Write { path: path.to_owned(), source };
         let file = BufWriter::new(File::create(&unfinished).map_err(failed)?);
         let out = match kind {

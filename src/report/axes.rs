@@ -38,8 +38,7 @@ pub(super) enum Side {
     Right,
 }
 
-/// An axis along one side: its marks at places along the side (units from its left or upper end), and its
-/// title.
+/// An axis along one side: its title, and its marks at places along the side (from its left or upper end).
 #[derive(Debug, Clone)]
 pub(super) struct SideAxis {
     pub side: Side,
@@ -116,15 +115,13 @@ impl SideAxis {
             let at = cell(*place);
             let middle = f64::from(at) + 0.5;
             let row = f64::from(y + at + (small.digit() + 1) / 2);
-            let (anchor, foot) = match self.side {
-                Side::Bottom => {
-                    (Anchor::Middle, [f64::from(x) + middle, f64::from(y + height + beyond + small.digit())])
-                }
-                Side::Top => (Anchor::Middle, [f64::from(x) + middle, f64::from(y - beyond)]),
-                Side::Left => (Anchor::End, [f64::from(x - beyond), row]),
-                Side::Right => (Anchor::End, [f64::from(x + width + beyond + longest), row]),
+            let foot = match self.side {
+                Side::Bottom => [f64::from(x) + middle, f64::from(y + height + beyond + small.digit())],
+                Side::Top => [f64::from(x) + middle, f64::from(y - beyond)],
+                Side::Left => [f64::from(x - beyond), row],
+                Side::Right => [f64::from(x + width + beyond + longest), row],
             };
-            scene.text(small, label, anchor, foot, BLACK);
+            scene.text(small, label, if across { Anchor::Middle } else { Anchor::End }, foot, BLACK);
         }
         let normal = &letters.normal;
         let (middle_x, middle_y) = (f64::from(x) + f64::from(width) / 2.0, f64::from(y) + f64::from(height) / 2.0);
@@ -133,23 +130,15 @@ impl SideAxis {
         let n = self.title.len() as i32;
         for (k, line) in (0..).zip(&self.title) {
             let (after, before) = (k * normal.line(), (n - 1 - k) * normal.line());
-            match self.side {
-                Side::Bottom => {
-                    let foot = y + height + beyond + numbers + normal.digit() + after;
-                    scene.text(normal, line, Anchor::Middle, [middle_x, f64::from(foot)], BLACK);
-                }
-                Side::Top => {
-                    let foot = y - beyond - numbers - before;
-                    scene.text(normal, line, Anchor::Middle, [middle_x, f64::from(foot)], BLACK);
-                }
-                Side::Left => {
-                    let foot = x - beyond - longest - GAP - below - before;
-                    scene.text_upwards(normal, line, Anchor::Middle, [f64::from(foot), middle_y], BLACK);
-                }
-                Side::Right => {
-                    let foot = x + width + beyond + longest + GAP + normal.digit() + after;
-                    scene.text_upwards(normal, line, Anchor::Middle, [f64::from(foot), middle_y], BLACK);
-                }
+            let foot = f64::from(match self.side {
+                Side::Bottom => y + height + beyond + numbers + normal.digit() + after,
+                Side::Top => y - beyond - numbers - before,
+                Side::Left => x - beyond - longest - GAP - below - before,
+                Side::Right => x + width + beyond + longest + GAP + normal.digit() + after,
+            });
+            match across {
+                true => scene.text(normal, line, Anchor::Middle, [middle_x, foot], BLACK),
+                false => scene.text_upwards(normal, line, Anchor::Middle, [foot, middle_y], BLACK),
             }
         }
     }
@@ -162,10 +151,9 @@ pub(super) struct Lines(Vec<(String, bool, Rgb)>);
 impl Lines {
     /// A title in large letters, broken to `width`.
     pub fn title(&mut self, letters: &Letters, text: &str, width: i32) {
-        if !letters.look.has_title() {
-            return;
+        if letters.look.has_title() {
+            self.0.extend(letters.large.wrap(text, f64::from(width)).into_iter().map(|line| (line, true, BLACK)));
         }
-        self.0.extend(letters.large.wrap(text, f64::from(width)).into_iter().map(|line| (line, true, BLACK)));
     }
 
     /// A note in small letters.
@@ -175,10 +163,9 @@ impl Lines {
 
     /// Notes in small, soft letters.
     pub fn notes(&mut self, letters: &Letters, notes: &[String], width: i32) {
-        if !letters.look.has_notes() {
-            return;
+        if letters.look.has_notes() {
+            notes.iter().for_each(|note| self.note(letters, note, width, SOFT));
         }
-        notes.iter().for_each(|note| self.note(letters, note, width, SOFT));
     }
 
     pub fn height(&self, letters: &Letters) -> i32 {

@@ -1,6 +1,6 @@
 //! Cracks over a series: what `summary.json` holds of them, and their figures.
 
-use super::{Axis, Name, Plot, PlotSeries, Style};
+use super::{Name, Plot, PlotSeries, Style};
 use crate::field::{CrackTip, OPEN_BY_SIGMA, TipState, Value};
 use crate::io::quantities::{CrackFrame, CrackHistory};
 use serde::{Deserialize, Serialize};
@@ -91,8 +91,7 @@ impl CrackTipSummary {
 /// Frames whose profiles are drawn, at most.
 const PROFILES: usize = 6;
 
-/// The figures of a crack, each with the name of its file: opening along it in some frames, and its tips over the
-/// frames.
+/// The figures of a crack with the names of their files: opening along it in some frames, its tips over the frames.
 pub fn crack_figures(history: &CrackHistory) -> Vec<(String, Plot)> {
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     let file: String = history.name.chars().map(plain).collect();
@@ -101,72 +100,51 @@ pub fn crack_figures(history: &CrackHistory) -> Vec<(String, Plot)> {
     let chosen = (0..n.min(PROFILES)).map(|k| with_places[n - 1 - k * n / n.clamp(1, PROFILES)]);
     let mut profiles: Vec<PlotSeries> = chosen
         .map(|CrackFrame { number, places, .. }| {
-            let x = places.iter().map(|(along, _)| *along).collect();
-            let y = places.iter().map(|(_, jump)| jump.opening.value).collect();
-            let band = places.iter().map(|(_, jump)| 2.0 * jump.opening.sigma).collect();
-            PlotSeries::new(format!("frame {number}"), Style::LineAndMarkers, x, y).with_band(band)
+            let points = places.iter().map(|(along, jump)| (*along, jump.opening));
+            with_bars(format!("frame {number}"), Style::LineAndMarkers, points)
         })
         .collect();
     profiles.reverse();
-    let mut figures = Vec::new();
-    if !profiles.is_empty() {
-        let plot = Plot {
-            title: format!("{}: opening along the path", history.name),
-            x: Axis::linear("distance along the path (px)"),
-            y: Axis::linear("opening (px)"),
-            series: profiles,
-            notes: vec!["bars: \u{b1}2 standard uncertainties".into()],
-            ..Plot::default()
-        };
-        figures.push((format!("{file}-opening"), plot));
-    }
-    let over = |end: usize, value: &dyn Fn(&CrackTip) -> Option<Value>| {
-        let found: Vec<(f64, Value)> = history
-            .frames
-            .iter()
-            .flat_map(|frame| frame.tips.iter().map(|tip| (frame.number as f64, tip)))
-            .filter(|(_, tip)| tip.end == end)
-            .filter_map(|(number, tip)| Some((number, value(tip)?)))
-            .collect();
-        let x = found.iter().map(|(number, _)| *number).collect();
-        let y = found.iter().map(|(_, value)| value.value).collect();
-        let band = found.iter().map(|(_, value)| 2.0 * value.sigma).collect();
-        (found.len() > 1).then_some((x, y, band))
-    };
     let series = |name: &str, value: &dyn Fn(&CrackTip) -> Option<Value>| {
-        let of_end = |end: usize| {
-            let (x, y, band): (Vec<f64>, Vec<f64>, Vec<f64>) = over(end, value)?;
-            let end = if end == 0 { "first end" } else { "last end" };
-            Some(PlotSeries::new(format!("{name} {end}"), Style::Markers, x, y).with_band(band))
+        let of_end = |(end, which): (usize, &str)| {
+            let tips = history.frames.iter().flat_map(|frame| frame.tips.iter().map(|tip| (frame.number as f64, tip)));
+            let of_end = tips.filter(|(_, tip)| tip.end == end);
+            let points = of_end.filter_map(|(number, tip)| Some((number, value(tip)?)));
+            let series = with_bars(format!("{name} {which} end"), Style::Markers, points);
+            (series.x.len() > 1).then_some(series)
         };
-        (0..2).filter_map(of_end).collect::<Vec<_>>()
+        ["first", "last"].into_iter().enumerate().filter_map(of_end).collect::<Vec<_>>()
     };
     let place = |tip: &CrackTip| tip.along.filter(|_| tip.state == TipState::Found);
     let limit = |tip: &CrackTip| tip.along.filter(|_| tip.state == TipState::OpenToEnd);
     let tips = [series("tip,", &place), series("open to the", &limit)].concat();
-    if !tips.is_empty() {
-        let plot = Plot {
-            title: format!("{}: tip over the series", history.name),
-            x: Axis::linear("frame"),
-            y: Axis::linear("distance along the path (px)"),
-            series: tips,
-            notes: vec![format!("tip: opening below {OPEN_BY_SIGMA} sigma; bars: \u{b1}2 standard uncertainties")],
-            ..Plot::default()
-        };
-        figures.push((format!("{file}-tip"), plot));
-    }
     let modes =
         [series("K_I,", &|tip| Some(tip.intensity?.k1)), series("K_II,", &|tip| Some(tip.intensity?.k2))].concat();
-    if !modes.is_empty() {
-        let plot = Plot {
-            title: format!("{}: stress intensity over the series", history.name),
-            x: Axis::linear("frame"),
-            y: Axis::linear("K (MPa \u{221a}m)"),
-            series: modes,
-            notes: vec!["interaction integral, plane stress; bars: \u{b1}2 standard uncertainties".into()],
-            ..Plot::default()
-        };
-        figures.push((format!("{file}-stress-intensity"), plot));
-    }
-    figures
+    let along = "distance along the path (px)";
+    let below = format!("tip: opening below {OPEN_BY_SIGMA} sigma; ");
+    let figures = [
+        ("opening", "opening along the path", along, "opening (px)", profiles, ""),
+        ("tip", "tip over the series", "frame", along, tips, below.as_str()),
+        (
+            "stress-intensity",
+            "stress intensity over the series",
+            "frame",
+            "K (MPa \u{221a}m)",
+            modes,
+            "interaction integral, plane stress; ",
+        ),
+    ];
+    let drawn = figures.into_iter().filter(|(.., series, _)| !series.is_empty());
+    let plot = |(ending, title, x, y, series, note): (_, _, _, _, Vec<PlotSeries>, _)| {
+        let plot = Plot::new(format!("{}: {title}", history.name), x, y, series);
+        (format!("{file}-{ending}"), plot.with_note(format!("{note}bars: \u{b1}2 standard uncertainties")))
+    };
+    drawn.map(plot).collect()
+}
+
+/// Points with bars of two standard uncertainties.
+fn with_bars(name: String, style: Style, points: impl Iterator<Item = (f64, Value)>) -> PlotSeries {
+    let (x, values): (Vec<f64>, Vec<Value>) = points.unzip();
+    let bars = values.iter().map(|value| 2.0 * value.sigma).collect();
+    PlotSeries::new(name, style, x, values.iter().map(|value| value.value).collect()).with_band(bars)
 }

@@ -37,8 +37,7 @@ impl Edges {
     }
 }
 
-/// Lines of nodes that go along every edge once, as straight as they can: a grid becomes its rows and columns, a
-/// border closed rings.
+/// Lines of nodes along every edge once, as straight as can be: a grid becomes rows and columns, a border rings.
 pub(super) fn lines(edges: &[[u32; 2]], at: impl Fn(u32) -> [f64; 2]) -> Vec<Vec<u32>> {
     // Edges at each node: where they begin in `spokes`.
     let mut degree: HashMap<u32, u32> = HashMap::new();

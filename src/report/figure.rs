@@ -64,46 +64,36 @@ impl Figure {
         Figure::Register,
     ];
 
+    /// Its name, and what its values are called with their unit.
+    fn words(self) -> (&'static str, Option<(&'static str, &'static str)>) {
+        match self {
+            Figure::Ux => ("ux", Some(("Displacement ux", "px"))),
+            Figure::Uy => ("uy", Some(("Displacement uy, down", "px"))),
+            Figure::Exx => ("exx", Some(("Strain exx", "-"))),
+            Figure::Eyy => ("eyy", Some(("Strain eyy", "-"))),
+            Figure::Exy => ("exy", Some(("Shear strain exy", "-"))),
+            Figure::ExxWindow => ("exx-window", Some(("Strain exx over the window", "-"))),
+            Figure::EyyWindow => ("eyy-window", Some(("Strain eyy over the window", "-"))),
+            Figure::ExyWindow => ("exy-window", Some(("Shear strain exy over the window", "-"))),
+            Figure::Residual => ("residual", Some(("Residual, rms per element", "grey levels"))),
+            Figure::ResidualPercent => ("residual-percent", Some(("Residual, rms per element", "% of the grey range"))),
+            Figure::Sigma => ("sigma", Some(("Standard uncertainty of the displacement", "px"))),
+            Figure::ModelError => ("model-error", Some(("Model error of the displacement", "px"))),
+            Figure::Misfit => ("misfit", Some(("Displacement not followed, rms per element", "px"))),
+            Figure::Mesh => ("mesh", None),
+            Figure::Deformed => ("deformed", None),
+            Figure::Register => ("register", None),
+        }
+    }
+
     /// Name used in options and files.
     pub fn name(self) -> &'static str {
-        match self {
-            Figure::Ux => "ux",
-            Figure::Uy => "uy",
-            Figure::Exx => "exx",
-            Figure::Eyy => "eyy",
-            Figure::Exy => "exy",
-            Figure::ExxWindow => "exx-window",
-            Figure::EyyWindow => "eyy-window",
-            Figure::ExyWindow => "exy-window",
-            Figure::Residual => "residual",
-            Figure::ResidualPercent => "residual-percent",
-            Figure::Sigma => "sigma",
-            Figure::ModelError => "model-error",
-            Figure::Misfit => "misfit",
-            Figure::Mesh => "mesh",
-            Figure::Deformed => "deformed",
-            Figure::Register => "register",
-        }
+        self.words().0
     }
 
     /// What its values are called, and their unit; `None` when it has no values of its own.
     pub(super) fn quantity(self) -> Option<(&'static str, &'static str)> {
-        Some(match self {
-            Figure::Ux => ("Displacement ux", "px"),
-            Figure::Uy => ("Displacement uy, down", "px"),
-            Figure::Exx => ("Strain exx", "-"),
-            Figure::Eyy => ("Strain eyy", "-"),
-            Figure::Exy => ("Shear strain exy", "-"),
-            Figure::ExxWindow => ("Strain exx over the window", "-"),
-            Figure::EyyWindow => ("Strain eyy over the window", "-"),
-            Figure::ExyWindow => ("Shear strain exy over the window", "-"),
-            Figure::Residual => ("Residual, rms per element", "grey levels"),
-            Figure::ResidualPercent => ("Residual, rms per element", "% of the grey range"),
-            Figure::Sigma => ("Standard uncertainty of the displacement", "px"),
-            Figure::ModelError => ("Model error of the displacement", "px"),
-            Figure::Misfit => ("Displacement not followed, rms per element", "px"),
-            Figure::Mesh | Figure::Deformed | Figure::Register => return None,
-        })
+        self.words().1
     }
 
     /// Which component of the strain it shows.
@@ -192,8 +182,7 @@ pub struct FigureOptions {
     pub strain: StrainDefinition,
     /// Window of nodes of the strains over a window.
     pub strain_window: Option<StrainWindow>,
-    /// Whether strains are shown as interpolated between nodes (over twice the element size) instead of one value
-    /// per element.
+    /// Whether strains are interpolated between nodes (over twice the element size), not one value per element.
     pub strain_on_nodes: bool,
     /// The rigid motion that `register` takes off.
     pub rigid: RemoveRigid,

@@ -4,9 +4,9 @@ use super::figure::{Figure, FigureOptions, Values};
 use super::map::{MapOptions, element_map_on, nodal_map_on};
 use super::mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};
 use super::profile::{Profiled, profile_plot};
-use super::scale::{LARGEST, Palette, percentiles, write_number};
+use super::scale::{LARGEST, Palette, outer_ends, percentiles, write_number};
 use super::{Backdrop, Picture, ReportError};
-use crate::field::{DOUBTFUL, Measurement, Status, StrainField, StrainWindows, WindowStrains};
+use crate::field::{DOUBTFUL, Measurement, Status, StrainField, StrainWindows, TensorStrain, WindowStrains};
 use crate::units::Px;
 use std::path::{Path, PathBuf};
 
@@ -17,8 +17,7 @@ use std::path::{Path, PathBuf};
 /// A frame that diverged or could not be read is no measurement: nothing is drawn of it.
 ///
 /// # Errors
-/// A range, a magnification or a line that is none, per cent without a range of grey levels, and a file that
-/// cannot be written.
+/// A range, magnification or line that is none, per cent without a range of grey levels, a file that cannot be written.
 pub fn draw_frame(
     folder: &Path,
     number: usize,
@@ -88,10 +87,7 @@ pub fn ends_of(
     let values = match Frame::new(0, measurement, reference, None, &options)?.values(figure)? {
         Values::Nodes(values) | Values::Elements(values) => values,
     };
-    let mut values: Vec<f64> = values.into_iter().filter(|v| v.abs() <= LARGEST).collect();
-    values.sort_by(f64::total_cmp);
-    let cut = (ENDS * values.len() as f64) as usize;
-    Ok(values.get(cut).map(|&low| [low, values[values.len() - 1 - cut]]))
+    Ok(outer_ends(values.into_iter().filter(|v| v.abs() <= LARGEST).collect(), ENDS))
 }
 
 /// One frame with what its figures share.
@@ -177,26 +173,21 @@ impl<'a> Frame<'a> {
                 Values::Elements(measurement.element_residual.iter().map(|r| 100.0 * r / range).collect())
             }
             Figure::Residual => Values::Elements(measurement.element_residual.clone()),
-            _ if figure.is_of_window() => {
-                let c = figure.strain().unwrap_or(0);
-                let value =
-                    |at: &Option<(crate::field::TensorStrain, _)>| at.map_or(f64::NAN, |(e, _)| e.components()[c]);
-                Values::Nodes(match &self.window {
-                    Some(window) => window.nodes.iter().map(value).collect(),
-                    None => vec![f64::NAN; measurement.mesh.n_nodes()],
-                })
-            }
             _ => {
-                let (Some(strain), Some(c)) = (&self.strain, figure.strain()) else {
-                    return Ok(Values::Nodes(vec![f64::NAN; measurement.mesh.n_nodes()]));
-                };
-                let component = |strains: &[Option<crate::field::TensorStrain>]| -> Vec<f64> {
-                    strains.iter().map(|strain| strain.map_or(f64::NAN, |strain| strain.components()[c])).collect()
-                };
-                if self.options.strain_on_nodes {
-                    Values::Nodes(component(&strain.nodes))
-                } else {
-                    Values::Elements(component(&strain.elements))
+                let c = figure.strain().unwrap_or(0);
+                let value = |strain: Option<TensorStrain>| strain.map_or(f64::NAN, |strain| strain.components()[c]);
+                let strain = self.strain.as_ref().filter(|_| figure.is_strain() && !figure.is_of_window());
+                match (strain, self.window.as_ref().filter(|_| figure.is_of_window())) {
+                    (Some(strain), _) if self.options.strain_on_nodes => {
+                        Values::Nodes(strain.nodes.iter().map(|strain| value(*strain)).collect())
+                    }
+                    (Some(strain), _) => {
+                        Values::Elements(strain.elements.iter().map(|strain| value(*strain)).collect())
+                    }
+                    (None, Some(window)) => {
+                        Values::Nodes(window.nodes.iter().map(|at| value(at.map(|(strain, _)| strain))).collect())
+                    }
+                    (None, None) => Values::Nodes(vec![f64::NAN; measurement.mesh.n_nodes()]),
                 }
             }
         })
@@ -233,12 +224,8 @@ impl<'a> Frame<'a> {
         let mut notes = Vec::new();
         if let Some([low, high]) = percentiles(told) {
             let unit = if unit == "-" { String::new() } else { format!(" {unit}") };
-            let n = mesh.n_elements();
-            notes.push(format!(
-                "percentiles 1 to 99: {} to {}{unit}, on {shown} of {n} elements",
-                write_number(low),
-                write_number(high)
-            ));
+            let (n, [low, high]) = (mesh.n_elements(), [low, high].map(write_number));
+            notes.push(format!("percentiles 1 to 99: {low} to {high}{unit}, on {shown} of {n} elements"));
         }
         let n_doubtful = self.doubtful.iter().filter(|&&doubtful| doubtful).count();
         if n_doubtful > 0 && shown > 0 {
@@ -247,21 +234,16 @@ impl<'a> Frame<'a> {
                 "hatched: {nodes} a standard uncertainty above {DOUBTFUL} times the median, left out of the percentiles"
             ));
         }
-        if let (true, Some(window)) = (figure.is_of_window(), &self.window) {
-            let (length, definition) = (window.window.gauge_length(mesh.element_size()), self.options.strain);
+        let rounded = |length: f64| (length * 100.0).round() / 100.0;
+        if let (true, Some(WindowStrains { window, .. })) = (figure.is_of_window(), &self.window) {
+            let (length, definition) = (rounded(window.gauge_length(mesh.element_size())), self.options.strain);
+            let formula = definition.formula();
             notes.push(format!(
-                "{definition} strain, {}, plane fitted to {}: virtual strain gauge of {} px",
-                definition.formula(),
-                window.window,
-                (length * 100.0).round() / 100.0
+                "{definition} strain, {formula}, plane fitted to {window}: virtual strain gauge of {length} px"
             ));
-            notes.extend(self.options.notes.iter().cloned());
-            return notes;
-        }
-        if let (Some(strain), Some(_)) = (&self.strain, figure.strain()) {
-            let length = strain.length_px * if self.options.strain_on_nodes { 2.0 } else { 1.0 };
-            let length = (length * 100.0).round() / 100.0;
-            notes.push(format!("{} strain, {}, over {length} px", strain.definition, strain.definition.formula()));
+        } else if let (true, Some(StrainField { definition, length_px, .. })) = (figure.is_strain(), &self.strain) {
+            let length = rounded(length_px * if self.options.strain_on_nodes { 2.0 } else { 1.0 });
+            notes.push(format!("{definition} strain, {}, over {length} px", definition.formula()));
         }
         if let (Figure::ResidualPercent, Some(range)) = (figure, self.options.range_grey) {
             notes.push(format!("100 % is the range of the reference, {} grey levels", write_number(range)));
@@ -280,12 +262,10 @@ impl<'a> Frame<'a> {
             guard_px: options.guard_px.clone(),
         };
         match figure {
-            Figure::Mesh => mesh_figure(
-                self.reference,
-                &measurement.mesh,
-                Some(&measurement.measured),
-                &mesh("Mesh on the reference"),
-            ),
+            Figure::Mesh => {
+                let options = mesh("Mesh on the reference");
+                mesh_figure(self.reference, &measurement.mesh, Some(&measurement.measured), &options)
+            }
             Figure::Register => {
                 register_figure(self.reference, measurement, options.rigid, &mesh("Zones in register"), options.range)
             }

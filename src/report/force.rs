@@ -1,7 +1,8 @@
 //! The load cell beside the prediction: the record, its table and its figure.
 
-use super::{Axis, Name, Picture, Plot, PlotSeries, ReportError, Style};
+use super::{Name, Picture, Plot, PlotSeries, ReportError, Style, to_strings, version};
 use crate::identify::{LoadCell, LoadComparison};
+use crate::io::joint::write_table;
 use crate::remark::Remark;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
@@ -83,16 +84,10 @@ impl ForceRecord {
     ///
     /// # Errors
     /// Those of `out`.
-    pub fn write<W: Write>(&self, mut out: W) -> io::Result<()> {
-        writeln!(out, "# quadrille {}", env!("CARGO_PKG_VERSION"))?;
-        for line in self.text.lines() {
-            writeln!(out, "# {line}")?;
-        }
-        writeln!(out, "instant,measured_N,computed_N")?;
-        for ForcePoint { instant, measured_n, computed_n } in &self.points {
-            writeln!(out, "{instant},{measured_n:.16e},{computed_n:.16e}")?;
-        }
-        Ok(())
+    pub fn write<W: Write>(&self, out: W) -> io::Result<()> {
+        let columns = to_strings(&["instant", "measured_N", "computed_N"]);
+        let rows = self.points.iter().map(|at| (vec![at.instant as u64], vec![at.measured_n, at.computed_n]));
+        write_table(out, &[version(), self.text.clone()], &columns, rows)
     }
 
     /// Measured and computed force over the instants.
@@ -113,13 +108,7 @@ impl ForceRecord {
         }
         let computed = PlotSeries::new("computed", Style::Line, x, column(|point| point.computed_n));
         let used = if self.used { "It took part in the fit." } else { "It took no part in a fit." };
-        Plot {
-            title: format!("Force on {}", self.group),
-            x: Axis::linear("instant"),
-            y: Axis::linear("force (N)"),
-            series: vec![measured, computed],
-            notes: vec![self.text.clone(), used.to_owned()],
-            ..Plot::default()
-        }
+        let plot = Plot::new(format!("Force on {}", self.group), "instant", "force (N)", [measured, computed]);
+        plot.with_note(&self.text).with_note(used)
     }
 }

@@ -1,6 +1,6 @@
 //! The law drawn: traction against separation in a pure mode, with its band where the data give one.
 
-use super::{Axis, Plot, PlotSeries, Style};
+use super::{Plot, PlotSeries, Style};
 use crate::identify::CurveBand;
 
 /// Names of the pure modes, their jumps and their tractions.
@@ -15,12 +15,12 @@ pub(super) fn law_series(name: &str, curve: &CurveBand, style: Style, banded: bo
 
 /// The law of a fit in pure opening (0) or sliding (1).
 pub(super) fn law_plot(mode: usize, curve: &CurveBand) -> Plot {
-    let (name, jump, traction) = MODES[mode];
-    Plot {
-        title: format!("The law in pure {name}"),
-        x: Axis::linear(format!("{jump} (\u{b5}m)")),
-        y: Axis::linear(format!("{traction} (MPa)")),
-        series: vec![law_series("fit, 95 % band", curve, Style::Line, true)],
-        ..Plot::default()
-    }
+    let series = law_series("fit, 95 % band", curve, Style::Line, true);
+    mode_plot(format!("The law in pure {}", MODES[mode].0), mode, vec![series])
+}
+
+/// Curves of traction against separation in opening (0) or sliding (1).
+pub(super) fn mode_plot(title: String, mode: usize, series: Vec<PlotSeries>) -> Plot {
+    let (_, jump, traction) = MODES[mode];
+    Plot::new(title, format!("{jump} (\u{b5}m)"), format!("{traction} (MPa)"), series)
 }

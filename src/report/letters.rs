@@ -76,8 +76,7 @@ impl Type {
         kept + "…"
     }
 
-    /// `text` in lines not longer than `width`, broken between words and, where a word alone is too
-    /// long, inside it.
+    /// `text` in lines of up to `width`, broken between words and, where one alone is too long, inside it.
     pub fn wrap(&self, text: &str, width: f64) -> Vec<String> {
         let mut lines: Vec<String> = Vec::new();
         for word in text.split_whitespace() {
@@ -112,8 +111,7 @@ impl Type {
         self.kerning.iter().find_map(of).unwrap_or(0) as f32
     }
 
-    /// Calls `put` with each glyph of `text` and where it stands, units of the font turned into px; gives
-    /// the length.
+    /// Calls `put` with each glyph of `text` and where it stands, px; gives the length.
     fn set(&self, text: &str, mut put: impl FnMut(GlyphId, f32)) -> f32 {
         let (mut x, mut last) = (0.0, None);
         for character in text.chars().filter(|c| !c.is_control()) {

@@ -13,8 +13,7 @@ pub enum Look {
     /// With title and notes, at 100 % of a screen.
     #[default]
     Screen,
-    /// For print: about 84 mm wide (one column), letters of 8 pt, no title and no notes (the caption says that;
-    /// warnings stay).
+    /// For print: about 84 mm wide (one column), letters of 8 pt, no title, no notes (warnings stay).
     Paper,
     /// For a slide: letters that are read from the last row, a title, no notes (warnings stay).
     Slide,

@@ -1,10 +1,10 @@
 //! A field in colours over the reference image, with axes and a colour bar.
 
 use super::over_image::{Bar, FigureLayout, View, Words};
-use super::scale::{LARGEST, Palette, Range, colour};
+use super::scale::{LARGEST, Palette, Range};
 use super::scene::{BLACK, Path, Scene, Stroke, WHITE};
 use super::{Backdrop, Picture, ReportError};
-use crate::field::{ElementMark, Measurement, Status};
+use crate::field::{Measurement, Status};
 use crate::imaging::Image;
 use crate::units::{PixelSize, Px};
 
@@ -68,9 +68,7 @@ pub fn nodal_map(
     nodal_map_on(&Backdrop::new(image, 1), measurement, values, options)
 }
 
-/// Draws `values`, one per element, over the reference `image`.
-///
-/// An element with a node that was not measured (or whose value is not finite) is left transparent.
+/// [`nodal_map`] of `values`, one per element.
 ///
 /// # Errors
 /// Another number of values than of elements, and a range that is none.
@@ -113,53 +111,44 @@ pub fn element_map_on(
 pub(super) type Cell = Option<[f64; 4]>;
 
 pub(super) fn nodal_cells(measurement: &Measurement<Px>, values: &[f64]) -> Result<Vec<Cell>, ReportError> {
-    let mesh = &measurement.mesh;
-    if values.len() != mesh.n_nodes() {
-        return Err(ReportError::Length { what: "nodes", expected: mesh.n_nodes(), got: values.len() });
-    }
-    let usable = |node: usize| measurement.measured[node] && values[node].abs() <= LARGEST;
-    let cells = mesh.elements().iter().enumerate().map(|(element, nodes)| {
-        let nodes = nodes.map(|node| node as usize);
-        let shown = nodes.iter().all(|&node| usable(node)) && !mark_of(measurement, element).is_left_out();
-        shown.then(|| nodes.map(|node| values[node]))
-    });
-    Ok(cells.collect())
+    check_length("nodes", measurement.mesh.n_nodes(), values.len())?;
+    Ok(cells(measurement, |_, nodes| nodes.map(|node| values[node as usize])))
 }
 
 pub(super) fn element_cells(measurement: &Measurement<Px>, values: &[f64]) -> Result<Vec<Cell>, ReportError> {
-    let mesh = &measurement.mesh;
-    if values.len() != mesh.n_elements() {
-        return Err(ReportError::Length { what: "elements", expected: mesh.n_elements(), got: values.len() });
-    }
-    let cells = mesh.elements().iter().zip(values).enumerate().map(|(element, (nodes, &value))| {
-        let measured = nodes.iter().all(|&node| measurement.measured[node as usize])
-            && !mark_of(measurement, element).is_left_out();
-        (measured && value.abs() <= LARGEST).then_some([value; 4])
-    });
-    Ok(cells.collect())
+    check_length("elements", measurement.mesh.n_elements(), values.len())?;
+    Ok(cells(measurement, |element, _| [values[element]; 4]))
 }
 
-fn mark_of(measurement: &Measurement<Px>, element: usize) -> ElementMark {
-    measurement.marks.as_ref().map_or(ElementMark::None, |marks| marks[element])
+pub(super) fn check_length(what: &'static str, expected: usize, got: usize) -> Result<(), ReportError> {
+    if got == expected { Ok(()) } else { Err(ReportError::Length { what, expected, got }) }
+}
+
+fn cells(measurement: &Measurement<Px>, values: impl Fn(usize, &[u32; 4]) -> [f64; 4]) -> Vec<Cell> {
+    let is_left_out = |element: usize| measurement.marks.as_ref().is_some_and(|marks| marks[element].is_left_out());
+    let cell = |(element, nodes): (usize, &[u32; 4])| {
+        let measured = nodes.iter().all(|&node| measurement.measured[node as usize]) && !is_left_out(element);
+        Some(values(element, nodes)).filter(|values| measured && values.iter().all(|v| v.abs() <= LARGEST))
+    };
+    measurement.mesh.elements().iter().enumerate().map(cell).collect()
 }
 
 /// What must be said about a frame: how it ended, where not well, that there is nothing to see, what is left out, and
 /// that the mesh does not follow the motion.
 pub(super) fn warnings(measurement: &Measurement<Px>, drawn: bool) -> Vec<String> {
-    let mut warnings = Vec::new();
-    match measurement.status {
-        Status::Converged => {}
-        Status::IterationLimit => warnings.push("not converged: iteration limit reached"),
-        Status::Diverged => warnings.push("diverged: this is not a measurement"),
-        Status::LeftImage => warnings.push("not converged: too much of a zone has left the image"),
-        Status::Unreadable => warnings.push("unreadable: this is not a measurement"),
-        Status::Ambiguous => warnings.push("ambiguous: the texture repeats, displacements may be off by periods of it"),
-    }
-    if !drawn {
-        let some = measurement.measured.contains(&true);
-        warnings.push(if some { "no element with all nodes measured" } else { "no measured node" });
-    }
-    let mut warnings: Vec<String> = warnings.into_iter().map(str::to_owned).collect();
+    let ended = match measurement.status {
+        Status::Converged => None,
+        Status::IterationLimit => Some("not converged: iteration limit reached"),
+        Status::Diverged => Some("diverged: this is not a measurement"),
+        Status::LeftImage => Some("not converged: too much of a zone has left the image"),
+        Status::Unreadable => Some("unreadable: this is not a measurement"),
+        Status::Ambiguous => Some("ambiguous: the texture repeats, displacements may be off by periods of it"),
+    };
+    let nothing = match measurement.measured.contains(&true) {
+        true => "no element with all nodes measured",
+        false => "no measured node",
+    };
+    let mut warnings: Vec<String> = ended.into_iter().chain((!drawn).then_some(nothing)).map(str::to_owned).collect();
     let left_out: Vec<String> =
         measurement.marked().iter().filter(|marked| marked.mark.is_left_out()).map(ToString::to_string).collect();
     if !left_out.is_empty() {
@@ -176,8 +165,7 @@ pub(super) fn bar_for(cells: &[Cell], options: &MapOptions) -> Result<Option<Bar
     let Some(natural) = Range::of(all()) else { return Ok(None) };
     let range = asked.unwrap_or_else(|| {
         let range = trim(natural, all(), options.trim);
-        let reach = range.low.abs().max(range.high.abs());
-        if options.palette.is_diverging() { Range { low: -reach, high: reach } } else { range }
+        if options.palette.is_diverging() { range.symmetric() } else { range }
     });
     let narrow = asked.is_some() || range.low > natural.low || range.high < natural.high;
     Ok(Some(Bar {
@@ -224,10 +212,7 @@ fn draw(
         for (nodes, cell) in mesh.elements().iter().zip(cells) {
             if let Some(values) = cell {
                 let corners = nodes.map(|node| layout.on_layer(mesh.nodes()[node as usize]));
-                layer.fill(corners, |shape| {
-                    let value = shape.iter().zip(values).map(|(n, v)| n * v).sum();
-                    colour(bar.palette, bar.range, value)
-                });
+                layer.fill_values(corners, *values, bar.palette, bar.range);
             }
         }
         layout.lay(&mut scene, &layer, bar.opacity);

@@ -1,12 +1,12 @@
 //! The mesh over an image, where it stands and where it has moved to; zones brought into register.
 
 use super::edges::{Edges, lines};
-use super::map::{bar_for, nodal_cells, warnings};
+use super::map::{bar_for, check_length, nodal_cells, warnings};
 use super::over_image::{FigureLayout, View, Words};
-use super::scale::{LARGEST, colour, write_number};
+use super::scale::{LARGEST, write_number};
 use super::scene::{BLACK, COLOURS, Path, Rgb, Scene, Stroke, WHITE};
 use super::{Backdrop, MapOptions, Picture, ReportError};
-use crate::field::{Measurement, RemoveRigid, remove_rigid};
+use crate::field::{Measurement, RemoveRigid, RigidMotion, RigidRemoved, remove_rigid};
 use crate::mesh::Mesh;
 use crate::units::{PixelSize, Px};
 
@@ -29,8 +29,7 @@ pub struct MeshOptions {
     pub pixel_size: Option<PixelSize>,
     /// Factor on displacements; `None` for 1 on a deformed image, else for one that makes them visible.
     pub magnify: Option<f64>,
-    /// Width of the band along the border of each zone (px) that was left out of the sums; zones without a number
-    /// have none.
+    /// Width of the band along the border of each zone, px, that was left out of the sums; none without a number.
     pub guard_px: Vec<f64>,
 }
 
@@ -52,11 +51,7 @@ pub fn mesh_figure(
     measured: Option<&[bool]>,
     options: &MeshOptions,
 ) -> Result<Picture, ReportError> {
-    if let Some(measured) = measured
-        && measured.len() != mesh.n_nodes()
-    {
-        return Err(ReportError::Length { what: "nodes", expected: mesh.n_nodes(), got: measured.len() });
-    }
+    check_length("nodes", mesh.n_nodes(), measured.map_or(mesh.n_nodes(), <[bool]>::len))?;
     let drawn = |element: usize| {
         measured.is_none_or(|measured| mesh.elements()[element].iter().all(|&node| measured[node as usize]))
     };
@@ -93,16 +88,11 @@ pub fn deformed_mesh(
         None if on_deformed => 1.0,
         asked => magnification(asked, measurement, &drawn)?,
     };
-    let mut notes = vec![if factor == 1.0 {
-        "displacements at their true size".to_owned()
-    } else {
-        format!("displacements magnified {} times", plain(factor))
-    }];
-    notes.push(if on_deformed {
-        "dashed: outline before deformation; image: deformed".to_owned()
-    } else {
-        "dashed: outline before deformation; image: reference".to_owned()
-    });
+    let image = if on_deformed { "deformed" } else { "reference" };
+    let mut notes = vec![
+        format!("displacements {}", in_words(factor)),
+        format!("dashed: outline before deformation; image: {image}"),
+    ];
     notes.extend(options.notes.iter().cloned());
     let words = Words { title: &options.title, warnings: warnings(measurement, any), notes };
     let at = move_by(mesh, &measurement.displacement, factor);
@@ -141,20 +131,16 @@ pub fn register_figure(
     let map = MapOptions { range, trim: 0.005, ..MapOptions::new("", "displacement left (px)") };
     let bar = bar_for(&cells, &map)?;
 
-    let times =
-        if factor == 1.0 { "at its true size".to_owned() } else { format!("magnified {} times", plain(factor)) };
+    let times = in_words(factor).replace("their", "its");
     let mut notes = vec![format!("rigid motion removed; what is left {times}; dashed: outline before deformation")];
-    for motion in &removed {
-        let numbers =
-            [motion.motion.rotation_rad, motion.left_rms, motion.motion.translation[0], motion.motion.translation[1]];
-        if !numbers.iter().all(|v| v.is_finite()) {
+    for RigidRemoved { zone, motion: RigidMotion { centre, translation, rotation_rad }, left_rms, .. } in &removed {
+        if !translation.iter().chain([rotation_rad, left_rms]).all(|v| v.is_finite()) {
             continue;
         }
-        let name = motion.zone.map_or("all zones".to_owned(), |zone| format!("zone '{}'", mesh.zones()[zone]));
-        let [x, y] = motion.motion.translation.map(write_number);
-        let [cx, cy] = motion.motion.centre.map(|c| format!("{c:.0}"));
-        let turn = write_number(motion.motion.rotation_rad.to_degrees());
-        let rest = write_number(motion.left_rms);
+        let name = zone.map_or("all zones".to_owned(), |zone| format!("zone '{}'", mesh.zones()[zone]));
+        let [x, y] = translation.map(write_number);
+        let [cx, cy] = centre.map(|c| format!("{c:.0}"));
+        let (turn, rest) = (write_number(rotation_rad.to_degrees()), write_number(*left_rms));
         notes.push(format!(
             "{name}: moved by ({x}, {y}) px, turned by {turn} deg about ({cx}, {cy}) px; left {rest} px rms"
         ));
@@ -185,22 +171,12 @@ pub fn register_figure(
                 let [x, y] = [0, 1].map(|k| shape.iter().zip(home).map(|(n, p)| n * p[k]).sum());
                 [backdrop.grey(x, y); 3]
             });
-            field.fill(corners, |shape| {
-                let value = shape.iter().zip(values).map(|(n, v)| n * v).sum();
-                colour(bar.palette, bar.range, value)
-            });
+            field.fill_values(corners, *values, bar.palette, bar.range);
         }
         layout.lay(&mut scene, &image, 1.0);
         layout.lay(&mut scene, &field, bar.opacity);
     }
-    let mut border = Path::default();
-    for zone in 0..mesh.zones().len() {
-        let edges = Edges::new(mesh, mesh.zone_elements(zone), choose);
-        lines(&edges.border, at)
-            .into_iter()
-            .for_each(|line| border.straightened(line.into_iter().map(|n| layout.place(at(n)))));
-    }
-    scene.stroke(&border, &Stroke::new(BLACK, 1.2));
+    scene.stroke(&borders(&layout, mesh, &choose, at), &Stroke::new(BLACK, 1.2));
     outline(&mut scene, &layout, mesh, &choose);
     name_zones(&mut scene, &layout, mesh, &choose, &at);
     Ok(layout.finish(scene))
@@ -264,21 +240,44 @@ fn largest_factor(measurement: &Measurement<Px>, drawn: &[bool]) -> f64 {
     0.5 / steep.max(f64::MIN_POSITIVE)
 }
 
-/// A factor without needless decimals.
-fn plain(factor: f64) -> String {
-    format!("{}", (factor * 1e4).round() / 1e4)
+/// How displacements are drawn, the factor without needless decimals.
+fn in_words(factor: f64) -> String {
+    match factor {
+        1.0 => "at their true size".to_owned(),
+        _ => format!("magnified {} times", (factor * 1e4).round() / 1e4),
+    }
+}
+
+/// Adds edges to a path: chained as they lie at `home`, drawn where `at` says.
+fn trace(
+    path: &mut Path,
+    layout: &FigureLayout<'_>,
+    edges: &[[u32; 2]],
+    home: impl Fn(u32) -> [f64; 2],
+    at: impl Fn(u32) -> [f64; 2],
+) {
+    for line in lines(edges, home) {
+        path.straightened(line.into_iter().map(|node| layout.place(at(node))));
+    }
+}
+
+/// The borders of all zones.
+fn borders(
+    layout: &FigureLayout<'_>,
+    mesh: &Mesh<Px>,
+    drawn: &impl Fn(usize) -> bool,
+    at: impl Fn(u32) -> [f64; 2] + Copy,
+) -> Path {
+    let mut path = Path::default();
+    for zone in 0..mesh.zones().len() {
+        trace(&mut path, layout, &Edges::new(mesh, mesh.zone_elements(zone), drawn).border, at, at);
+    }
+    path
 }
 
 /// The outline of the undeformed mesh, dashed.
 fn outline(scene: &mut Scene, layout: &FigureLayout<'_>, mesh: &Mesh<Px>, drawn: &impl Fn(usize) -> bool) {
-    let at = |node: u32| mesh.nodes()[node as usize];
-    let mut path = Path::default();
-    for zone in 0..mesh.zones().len() {
-        let edges = Edges::new(mesh, mesh.zone_elements(zone), drawn);
-        lines(&edges.border, at)
-            .into_iter()
-            .for_each(|line| path.straightened(line.into_iter().map(|n| layout.place(at(n)))));
-    }
+    let path = borders(layout, mesh, drawn, |node| mesh.nodes()[node as usize]);
     scene.stroke(&path, &Stroke { opacity: 0.8, ..Stroke::new(WHITE, 2.6) });
     scene.stroke(&path, &Stroke { dash: &[6.0, 4.0], ..Stroke::new([60; 3], 1.3) });
 }
@@ -302,10 +301,7 @@ fn draw_mesh(
         let colour = zone_colour(zone);
         let path_of = |edges: &[[u32; 2]]| {
             let mut path = Path::default();
-            let home = |node: u32| mesh.nodes()[node as usize];
-            lines(edges, home)
-                .into_iter()
-                .for_each(|line| path.straightened(line.into_iter().map(|n| layout.place(at(n)))));
+            trace(&mut path, layout, edges, |node| mesh.nodes()[node as usize], at);
             path
         };
         let border = path_of(&edges.border);

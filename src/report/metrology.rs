@@ -1,11 +1,11 @@
 //! The page of `quadrille metrology`: the advice first, then what it rests on.
 
-use super::page::{Block, Curves, Map, Page, Section};
+use super::page::{Block, Map, Page, Section};
 use super::words::capital;
-use super::{Backdrop, Look, MeshOptions, Plot, ReportError, mesh_figure};
+use super::{Backdrop, Look, MeshOptions, Plot, ReportError, mesh_figure, version};
 use crate::imaging::Image;
 use crate::mesh::{Mesh, Roi, Zone};
-use crate::metrology::{Metrology, Noise, Origin, PhotonFit, SizeResult, StrainGauge};
+use crate::metrology::{GreyNoise, Metrology, Noise, Origin, PhotonFit, Resolved, SizeResult, StrainGauge};
 
 /// Makes the page of what was `found` on `image`, named `name`. `plots` are the curves over element sizes and those of
 /// virtual strain gauges.
@@ -14,8 +14,7 @@ use crate::metrology::{Metrology, Noise, Origin, PhotonFit, SizeResult, StrainGa
 /// Those of the figures.
 pub fn metrology_page(found: &Metrology, name: &str, image: &Image, plots: [&Plot; 2]) -> Result<Page, ReportError> {
     let [sizes, gauges] = plots;
-    let curves =
-        |plot: &Plot| Curves::new(plot, plot.notes.join("; ")).map(|curves| Block::Grid(vec![Block::Curves(curves)]));
+    let curves = |plot: &Plot| Ok::<_, ReportError>(Block::Grid(vec![Block::curves(plot, plot.notes.join("; "))?]));
     let sections = vec![
         Section { title: "What to do".into(), blocks: advice(found, image)? },
         Section { title: "Element sizes".into(), blocks: vec![curves(sizes)?, size_table(&found.sizes)] },
@@ -24,14 +23,10 @@ pub fn metrology_page(found: &Metrology, name: &str, image: &Image, plots: [&Plo
         Section { title: "Interpolation".into(), blocks: vec![bias_table(found)] },
     ];
     let [x0, y0, x1, y1] = found.zone_px;
+    let size = format!("{} x {} px", image.width(), image.height());
     Ok(Page {
         title: format!("{name}: what can be measured on it"),
-        subtitle: format!(
-            "quadrille {}, {} x {} px; looked at x {x0} to {x1}, y {y0} to {y1} px",
-            env!("CARGO_PKG_VERSION"),
-            image.width(),
-            image.height()
-        ),
+        subtitle: format!("{}, {size}; looked at x {x0} to {x1}, y {y0} to {y1} px", version()),
         sections,
     })
 }
@@ -46,7 +41,7 @@ fn advice(found: &Metrology, image: &Image) -> Result<Vec<Block>, ReportError> {
     let mut blocks = vec![Block::Lead { text, warning }];
     let sentence = |text: &String| format!("{}.", capital(text.trim_end_matches('.')));
     blocks.extend(advice.reasons.iter().map(|reason| Block::Text(sentence(reason))));
-    blocks.extend(advice.hints.iter().map(|hint| Block::Lead { text: sentence(hint), warning: true }));
+    blocks.extend(advice.hints.iter().map(|hint| Block::warning(sentence(hint))));
     if let Some(size) = advice.element_size_px {
         let [x0, y0, x1, y1] = found.zone_px.map(|side| side as f64);
         let zone = Zone::rectangle("looked at", Roi { x0, y0, x1, y1 });
@@ -85,9 +80,7 @@ fn size_table(sizes: &[SizeResult]) -> Block {
     ];
     let row = |result: &SizeResult| {
         let measured = result.measured.as_ref();
-        let period = |of: fn(&crate::metrology::Resolved) -> Option<f64>| {
-            number(result.period_measured.as_ref().and_then(of), 0)
-        };
+        let period = |of: fn(&Resolved) -> Option<f64>| number(result.period_measured.as_ref().and_then(of), 0);
         vec![
             result.element_size_px.to_string(),
             number(Some(result.refused_percent), 1),
@@ -100,21 +93,13 @@ fn size_table(sizes: &[SizeResult]) -> Block {
             period(|p| p.at_middle_px),
         ]
     };
-    Block::Table { columns: columns.map(String::from).into(), rows: sizes.iter().map(row).collect() }
+    Block::table(&columns, sizes.iter().map(row))
 }
 
 /// The gauges of the recommended elements, or of all where none are.
 fn gauge_table(found: &Metrology) -> Block {
-    let columns = [
-        "element size, px",
-        "window, nodes",
-        "gauge, px",
-        "noise of exx, 1e-6",
-        "eyy",
-        "exy",
-        "resolved along, px",
-        "across",
-    ];
+    let [size, window] = ["element size, px", "window, nodes"];
+    let columns = [size, window, "gauge, px", "noise of exx, 1e-6", "eyy", "exy", "resolved along, px", "across"];
     let wanted = |gauge: &&StrainGauge| found.advice.element_size_px.is_none_or(|size| gauge.element_size_px == size);
     let row = |gauge: &StrainGauge| {
         let noise = |c: usize| number(gauge.noise_measured.map(|noise| 1e6 * noise[c]), 1);
@@ -124,8 +109,7 @@ fn gauge_table(found: &Metrology) -> Block {
         row.extend([gauge.period_along_px, gauge.period_across_px].map(|period| number(Some(period), 0)));
         row
     };
-    let rows = found.strain_gauges.gauges.iter().filter(wanted).map(row).collect();
-    Block::Table { columns: columns.map(String::from).into(), rows }
+    Block::table(&columns, found.strain_gauges.gauges.iter().filter(wanted).map(row))
 }
 
 fn facts(found: &Metrology) -> Vec<(String, String)> {
@@ -133,15 +117,12 @@ fn facts(found: &Metrology) -> Vec<(String, String)> {
     let both =
         |[x, y]: [Option<f64>; 2], unit: &str| format!("{} along x, {} along y, {unit}", number(x, 2), number(y, 2));
     let mut facts = noise_facts(&found.noise);
-    let [low, high] = texture.range_grey;
+    let ([low, high], [dark, bright]) = (texture.range_grey, texture.saturated_percent);
     facts.extend([
         ("Gradient".to_owned(), both(texture.gradient_grey_per_px.map(Some), "rms, grey levels per px")),
         ("Speckles".to_owned(), both(texture.speckle_px, "px (width of the autocorrelation at half its height)")),
         ("Grey levels".to_owned(), format!("{low} to {high}")),
-        ("Saturated".to_owned(), {
-            let [dark, bright] = texture.saturated_percent;
-            format!("{dark:.2} % dark, {bright:.2} % bright")
-        }),
+        ("Saturated".to_owned(), format!("{dark:.2} % dark, {bright:.2} % bright")),
     ]);
     facts
 }
@@ -162,9 +143,7 @@ pub(crate) fn noise_facts(noise: &Noise) -> Vec<(String, String)> {
         (format!("With {}", pair.name), format!("{:.2}; it has drifted by ({x:.3}, {y:.3}) px", pair.sigma_grey))
     }));
     if !noise.by_grey.is_empty() {
-        let part = |part: &crate::metrology::GreyNoise| {
-            format!("{:.2} at {:.0} to {:.0}", part.sigma_grey, part.from_grey, part.to_grey)
-        };
+        let part = |part: &GreyNoise| format!("{:.2} at {:.0} to {:.0}", part.sigma_grey, part.from_grey, part.to_grey);
         facts.push(("By grey level".into(), noise.by_grey.iter().map(part).collect::<Vec<_>>().join(", ")));
     }
     if let Some(photon) = noise.photon.filter(PhotonFit::is_certain) {
@@ -187,8 +166,8 @@ pub(crate) fn noise_facts(noise: &Noise) -> Vec<(String, String)> {
 
 fn bias_table(found: &Metrology) -> Block {
     let size = found.bias_element_size_px;
-    let columns = ["interpolation".to_owned(), format!("largest bias over displacements, elements of {size} px, px")];
+    let bias = format!("largest bias over displacements, elements of {size} px, px");
     let drawn = found.bias.iter().filter(|bias| !bias.shift_px.is_empty());
     let rows = drawn.map(|bias| vec![bias.interpolation.name().to_owned(), format!("{:.1e}", bias.largest_px)]);
-    Block::Table { columns: columns.into(), rows: rows.collect() }
+    Block::table(&["interpolation", &bias], rows)
 }

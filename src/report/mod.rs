@@ -56,6 +56,16 @@ use thiserror::Error;
 /// A name in a record: one of this program's, or one that was read.
 pub type Name = Cow<'static, str>;
 
+/// Who writes a file.
+fn version() -> String {
+    format!("quadrille {}", env!("CARGO_PKG_VERSION"))
+}
+
+/// Names of columns.
+fn to_strings(names: &[&str]) -> Vec<String> {
+    names.iter().map(|&name| name.to_owned()).collect()
+}
+
 /// A number of a record; JSON has no NaN and no infinity, `null` stands for both.
 pub(crate) fn number<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))

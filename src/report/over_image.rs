@@ -80,8 +80,7 @@ pub(super) struct Words<'a> {
 /// Where everything stands.
 pub(super) struct FigureLayout<'a> {
     backdrop: &'a Backdrop,
-    title: String,
-    notes: Vec<String>,
+    words: &'a Words<'a>,
     size: [i32; 2],
     map: Rect,
     bar: Option<(&'a Bar, Rect, SideAxis)>,
@@ -101,7 +100,7 @@ impl<'a> FigureLayout<'a> {
         view: View,
         pixel_size: Option<PixelSize>,
         bar: Option<&'a Bar>,
-        words: &Words<'_>,
+        words: &'a Words<'a>,
     ) -> Self {
         let longer = backdrop.look().side(LONGER_SIDE);
         let layout = Self::of_side(longer, backdrop, view, pixel_size, bar, words);
@@ -118,7 +117,7 @@ impl<'a> FigureLayout<'a> {
         view: View,
         pixel_size: Option<PixelSize>,
         bar: Option<&'a Bar>,
-        words: &Words<'_>,
+        words: &'a Words<'a>,
     ) -> Self {
         let letters = Letters::new(backdrop.look());
         let size = view.size();
@@ -176,23 +175,8 @@ impl<'a> FigureLayout<'a> {
         let foot_top = map.bottom() + below + 2 * GAP;
         let height = if lines > 0 { foot_top + lines } else { map.bottom() + below } + BORDER;
         let bar = place.map(|(bar, place, axis)| (bar, Rect { x: map.x + place.x, y: map.y + place.y, ..place }, axis));
-        let title = words.title.to_owned();
-        let notes = words.notes.clone();
-        Self {
-            backdrop,
-            title,
-            size: [width, height],
-            map,
-            bar,
-            view,
-            scale,
-            sides,
-            head,
-            foot,
-            foot_top,
-            letters,
-            notes,
-        }
+        let size = [width, height];
+        Self { backdrop, words, size, map, bar, view, scale, sides, head, foot, foot_top, letters }
     }
 
     /// A sheet with the image on it.
@@ -220,7 +204,8 @@ impl<'a> FigureLayout<'a> {
         self.head.draw(&mut scene, letters, Anchor::Middle, f64::from(self.size[0]) / 2.0, BORDER);
         self.foot.draw(&mut scene, letters, Anchor::Start, f64::from(BORDER), self.foot_top);
         let bar = self.bar.as_ref().map(|bar| bar.1);
-        scene.finish((&self.title, &self.notes), self.backdrop.look(), self.map, bar, self.backdrop.ratio())
+        let words = (self.words.title, &*self.words.notes);
+        scene.finish(words, self.backdrop.look(), self.map, bar, self.backdrop.ratio())
     }
 
     /// Where a point of the image (px) stands on the sheet.

@@ -6,7 +6,7 @@
 //! more of it.
 
 use super::words::capital;
-use super::{Picture, Plot, ReportError};
+use super::{Look, Picture, Plot, ReportError, to_strings};
 use crate::digest::sha256;
 use crate::remark::Remark;
 use base64::Engine;
@@ -14,7 +14,8 @@ use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-/// Between the axes of the curves on narrow screens.
+/// Between the axes of the curves on wide and on narrow screens.
+const WIDE: [i32; 2] = [430, 300];
 const COMPACT: [i32; 2] = [270, 220];
 /// Quality of the pictures over images, per cent.
 const JPEG_QUALITY: u8 = 85;
@@ -22,47 +23,8 @@ const JPEG_QUALITY: u8 = 85;
 /// Says the numbers of curves under the pointer.
 const SCRIPT: &str = include_str!("curves.js");
 
-const STYLE: &str = "\
-:root{color-scheme:light}\
-*{box-sizing:border-box}\
-body{margin:0 auto;padding:1rem;max-width:64rem;font:16px/1.5 system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif;color:#1a1a1a;background:#fff;overflow-wrap:break-word}\
-h1{font-size:1.6rem;line-height:1.2;margin:.5rem 0}\
-h2{font-size:1.25rem;line-height:1.25;margin:2rem 0 .5rem;border-bottom:2px solid #2b5c8a;padding-bottom:.2rem}\
-h3{font-size:1rem;margin:1rem 0 .25rem}\
-p{margin:.5rem 0;max-width:46rem}\
-.lead{border-left:4px solid #2b5c8a;background:#eef4fa;padding:.5rem .75rem;margin:.75rem 0}\
-.lead.warn{border-color:#b25d00;background:#fff4e5}\
-.small{color:#555;font-size:.875rem}\
-.grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,26rem),1fr));gap:1rem}\
-figure{margin:.75rem 0;break-inside:avoid}\
-figure img{display:block;width:100%;height:auto}\
-figure img.tall{width:auto;max-width:100%;max-height:32rem}\
-figcaption{font-size:.875rem;color:#333}\
-.over{position:relative;touch-action:pan-y}\
-.over .here{position:absolute;top:0;bottom:0;width:0;border-left:1px dashed #555;pointer-events:none}\
-.over .here[hidden]{display:none}\
-output{display:block;min-height:1.5em;font-size:.875rem;font-variant-numeric:tabular-nums}\
-.bar{display:grid;grid-template-columns:auto 1fr auto;gap:.5rem;align-items:center;font-size:.875rem;margin:.25rem 0}\
-.bar img{height:.9rem;width:100%;border:1px solid #333}\
-.parts{display:grid;grid-template-columns:auto 1fr auto;gap:.2rem .6rem;align-items:center;font-size:.9375rem;margin:.5rem 0;max-width:46rem;break-inside:avoid}\
-.parts .track{background:#eee;height:.9rem;min-width:2rem;print-color-adjust:exact;-webkit-print-color-adjust:exact}\
-.parts .fill{background:#2b5c8a;height:100%}\
-.parts .fill.apart{background:#b5b5b5}\
-.parts .n{font-variant-numeric:tabular-nums;text-align:right}\
-table{border-collapse:collapse;width:100%;font-size:.9375rem;margin:.5rem 0;break-inside:avoid}\
-th,td{text-align:left;padding:.3rem .5rem;border-bottom:1px solid #ccc;vertical-align:top}\
-thead th{border-bottom:2px solid #333}\
-td{overflow-wrap:anywhere}\
-table.wide td{overflow-wrap:break-word}\
-td.n{font-variant-numeric:tabular-nums}\
-code{font:.8125rem ui-monospace,'DejaVu Sans Mono',monospace;overflow-wrap:anywhere}\
-@media (max-width:640px){\
-table.wide thead{display:none}\
-table.wide tr{display:block;border-bottom:2px solid #999;padding:.35rem 0}\
-table.wide th,table.wide td{display:grid;grid-template-columns:9.5rem 1fr;gap:.5rem;border:0;padding:.1rem 0}\
-table.wide th::before,table.wide td::before{content:attr(data-name);font-weight:400;color:#555}\
-}\
-@media print{output,.over .here{display:none}body{max-width:none;font-size:11pt;padding:0}h2,h3{break-after:avoid}table.wide{font-size:9pt}.grid{grid-template-columns:1fr 1fr}a{color:inherit}}";
+/// Its line breaks are for who reads it here.
+const STYLE: &str = include_str!("page.css");
 
 /// A report.
 #[derive(Debug, Clone, Default)]
@@ -131,6 +93,28 @@ impl Block {
     pub fn of_remark(remark: &Remark) -> Self {
         Self::Lead { text: capital(&remark.text), warning: remark.is_warning() }
     }
+
+    pub(super) fn text(text: impl Into<String>) -> Self {
+        Self::Text(text.into())
+    }
+
+    /// A sentence that has neither capital nor full stop yet.
+    pub(super) fn sentence(text: &str) -> Self {
+        Self::Text(format!("{}.", capital(text)))
+    }
+
+    pub(super) fn warning(text: impl Into<String>) -> Self {
+        Self::Lead { text: text.into(), warning: true }
+    }
+
+    pub(super) fn table(columns: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> Self {
+        Self::Table { columns: to_strings(columns), rows: rows.into_iter().collect() }
+    }
+
+    /// Curves, as [`Curves::new`].
+    pub(super) fn curves(plot: &Plot, caption: impl Into<String>) -> Result<Self, ReportError> {
+        Curves::new(plot, caption).map(Self::Curves)
+    }
 }
 
 /// A part of a page with a script of its own.
@@ -177,7 +161,7 @@ impl Curves {
     /// Those of [`Plot::draw`].
     pub fn new(plot: &Plot, caption: impl Into<String>) -> Result<Self, ReportError> {
         let plot = Plot { notes: Vec::new(), ..plot.clone() };
-        let (wide, narrow) = (plot.draw_sized([430, 300])?, plot.draw_sized(COMPACT)?);
+        let (wide, narrow) = (plot.draw_in(WIDE, Look::Screen)?, plot.draw_in(COMPACT, Look::Screen)?);
         // Where the horizontal axis begins and ends, as shares of the width of the picture.
         let frame = |picture: &Picture| {
             let (area, width) = (picture.map_area(), f64::from(picture.width()));
@@ -191,9 +175,9 @@ impl Curves {
             "wide": frame(&wide),
             "narrow": frame(&narrow),
         });
-        let svg = |picture: Picture| picture.svg().to_owned();
+        let [wide, narrow] = [wide, narrow].map(|picture| picture.svg().to_owned());
         let (data, axes) = (numbers_of(&plot), axes.to_string());
-        Ok(Self { wide: svg(wide), narrow: svg(narrow), title: plot.title, caption: caption.into(), data, axes })
+        Ok(Self { wide, narrow, title: plot.title, caption: caption.into(), data, axes })
     }
 }
 
@@ -240,6 +224,18 @@ impl Map {
         let bar = picture.bar_area().map(cut).transpose()?;
         Ok(Self { picture: cut(picture.map_area())?, bar, ends: range, caption: caption.into(), is_tall: false })
     }
+
+    /// A map that is drawn already, with its bar and what its ends stand for where it has one.
+    pub(super) fn of_pixels(
+        map: &Pixels,
+        bar: Option<(&Pixels, [String; 2])>,
+        caption: String,
+    ) -> Result<Self, ReportError> {
+        let (bar, ends) = bar.unzip();
+        let bar = bar.map(Pixels::jpeg).transpose()?;
+        let is_tall = 4 * map.height > 5 * map.width;
+        Ok(Self { picture: map.jpeg()?, bar, ends: ends.unwrap_or_default(), caption, is_tall })
+    }
 }
 
 /// Pixels of a picture, red, green and blue, row by row.
@@ -260,22 +256,6 @@ impl Pixels {
     }
 }
 
-impl Map {
-    /// A map that is drawn already, with its bar and what its ends stand for where it has one.
-    pub(super) fn of_pixels(
-        map: &Pixels,
-        bar: Option<(&Pixels, [String; 2])>,
-        caption: impl Into<String>,
-    ) -> Result<Self, ReportError> {
-        let (bar, ends) = match bar {
-            Some((bar, ends)) => (Some(bar.jpeg()?), ends),
-            None => (None, [String::new(), String::new()]),
-        };
-        let is_tall = 4 * map.height > 5 * map.width;
-        Ok(Self { picture: map.jpeg()?, bar, ends, caption: caption.into(), is_tall })
-    }
-}
-
 fn data(kind: &str, bytes: &[u8]) -> String {
     format!("data:image/{kind};base64,{}", base64::engine::general_purpose::STANDARD.encode(bytes))
 }
@@ -284,6 +264,7 @@ impl Page {
     /// The page as HTML.
     pub fn html(&self) -> String {
         let interactive = self.sections.iter().find_map(Section::interactive);
+        let style = STYLE.replace('\n', "");
         let script = [SCRIPT, interactive.map_or("", |part| &part.script)].concat();
         let sha256 = base64::engine::general_purpose::STANDARD.encode(sha256(script.as_bytes()));
         let policy =
@@ -296,7 +277,7 @@ impl Page {
                     meta name="viewport" content="width=device-width, initial-scale=1";
                     meta http-equiv="Content-Security-Policy" content=(policy);
                     title { (self.title) }
-                    style { (PreEscaped(STYLE)) @if let Some(part) = interactive { (PreEscaped(&part.style)) } }
+                    style { (PreEscaped(style)) @if let Some(part) = interactive { (PreEscaped(&part.style)) } }
                 }
                 body {
                     header { h1 { (self.title) } p.small { (self.subtitle) } }
@@ -401,28 +382,18 @@ impl Block {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::{Axis, PlotSeries, Style};
+    use crate::report::{PlotSeries, Style};
 
     #[test]
     fn what_users_write_is_text_and_nothing_is_fetched() {
-        let plot = Plot {
-            title: "<b>".into(),
-            x: Axis::linear("x"),
-            y: Axis::linear("y"),
-            series: vec![PlotSeries::new("a & b", Style::Line, vec![0.0, 1.0], vec![1.0, 2.0])],
-            ..Plot::default()
-        };
+        let series = PlotSeries::new("a & b", Style::Line, vec![0.0, 1.0], vec![1.0, 2.0]);
         let blocks = vec![
-            Block::Text("<script>alert(1)</script> & \"x\"".into()),
-            Block::Table { columns: vec!["a\"b".into()], rows: vec![vec!["<i>".into()]] },
-            Block::Curves(Curves::new(&plot, "a < b").unwrap()),
+            Block::text("<script>alert(1)</script> & \"x\""),
+            Block::table(&["a\"b"], [vec!["<i>".into()]]),
+            Block::curves(&Plot::new("<b>", "x", "y", [series]), "a < b").unwrap(),
         ];
-        let page = Page {
-            title: "T<".into(),
-            subtitle: String::new(),
-            sections: vec![Section { title: "S&".into(), blocks }],
-        };
-        let html = page.html();
+        let sections = vec![Section { title: "S&".into(), blocks }];
+        let html = Page { title: "T<".into(), sections, ..Page::default() }.html();
         assert!(html.starts_with("<!DOCTYPE html>"));
         assert!(html.contains("&lt;script&gt;alert(1)&lt;/script&gt; &amp; &quot;x&quot;"));
         // The one script is that of the page.

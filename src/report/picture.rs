@@ -146,9 +146,7 @@ impl Picture {
             _ => return Err(ReportError::Ending { path: path.to_owned() }),
         };
         // Under another name first: a file is there whole or not at all.
-        let mut unfinished = path.as_os_str().to_owned();
-        unfinished.push(".part");
-        let unfinished = Path::new(&unfinished);
+        let unfinished = &path.with_added_extension("part");
         let failed = |source| ReportError::Write { path: path.to_owned(), source };
         let write = || {
             let mut file = BufWriter::new(File::create(unfinished).map_err(failed)?);

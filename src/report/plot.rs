@@ -57,11 +57,17 @@ pub struct Plot {
 pub struct Axis {
     /// The quantity and its unit, as `load (N)`.
     pub label: String,
-    /// Whether equal factors stand equally far apart. Points at or below zero are not shown then, and a note
-    /// says how many there are.
+    /// Whether equal factors stand equally far apart; a note then says how many points are not shown, at or below zero.
     pub log: bool,
     /// The values at the ends; `None` for a little more than the values of all series.
     pub range: Option<(f64, f64)>,
+}
+
+impl<T: AsRef<str>> From<T> for Axis {
+    /// A linear axis over all values.
+    fn from(label: T) -> Self {
+        Self::linear(label.as_ref())
+    }
 }
 
 impl Axis {
@@ -130,8 +136,7 @@ impl PlotSeries {
         Self { band: Some([half.clone(), half]), ..self }
     }
 
-    /// The same curve with a band from `low` to `high`; where they are not finite there is none to be drawn, and the
-    /// name says so.
+    /// The same curve with a band from `low` to `high`; where they are not finite there is none, and the name says so.
     pub fn with_limits(self, low: &[f64], high: &[f64]) -> Self {
         if low.iter().chain(high).any(|end| !end.is_finite()) {
             let what = if self.name.is_empty() { "band" } else { &self.name };
@@ -148,6 +153,11 @@ impl PlotSeries {
 
     fn has_markers(&self) -> bool {
         matches!(self.style, Style::Markers | Style::LineAndMarkers)
+    }
+
+    /// Whether a band lies around its line.
+    fn is_banded(&self) -> bool {
+        self.band.is_some() && !self.has_markers()
     }
 
     /// Lower and upper edge of the band at a point.
@@ -210,11 +220,27 @@ fn widen(range: Range, log: bool) -> Range {
 }
 
 impl Plot {
+    /// Curves over two axes, without notes; a label alone is that of a linear axis.
+    pub fn new(
+        title: impl Into<String>,
+        x: impl Into<Axis>,
+        y: impl Into<Axis>,
+        series: impl IntoIterator<Item = PlotSeries>,
+    ) -> Self {
+        let series = series.into_iter().collect();
+        Self { title: title.into(), x: x.into(), y: y.into(), series, ..Self::default() }
+    }
+
+    /// The same plot with a line of text below it.
+    pub fn with_note(mut self, note: impl Into<String>) -> Self {
+        self.notes.push(note.into());
+        self
+    }
+
     /// Draws the curves.
     ///
     /// # Errors
-    /// A series whose lists differ in length, and a range without extent (or, on a logarithmic axis, one that
-    /// begins at or below zero).
+    /// A series whose lists differ in length, and a range without extent or, on a logarithmic axis, from zero or below.
     pub fn draw(&self) -> Result<Picture, ReportError> {
         self.draw_for(Look::chosen())
     }
@@ -232,42 +258,37 @@ impl Plot {
         self.draw_in([size[0] + spare, size[1]], look)
     }
 
-    /// The curves with `size` (at least 120 each way) between the axes, for a screen; letters keep their size.
-    ///
-    /// # Errors
-    /// Those of [`Plot::draw`].
-    pub fn draw_sized(&self, size: [i32; 2]) -> Result<Picture, ReportError> {
-        self.draw_in(size, Look::Screen)
-    }
-
     /// Whether a point of a series can be shown.
     fn shows(&self, series: &PlotSeries, at: usize) -> bool {
         self.x.can_show(series.x[at]) && self.y.can_show(series.y[at])
     }
 
+    /// The stretches of a series without a gap, as numbers of its points.
+    fn stretches(&self, series: &PlotSeries) -> Vec<Vec<usize>> {
+        let points: Vec<usize> = (0..series.x.len()).collect();
+        let stretches = points.split(|&at| !self.shows(series, at));
+        stretches.filter(|stretch| !stretch.is_empty()).map(<[usize]>::to_vec).collect()
+    }
+
     /// The values at the ends of the horizontal axis; `None` where there is nothing to show.
-    ///
-    /// # Errors
-    /// Those of [`Plot::draw`].
     pub(super) fn ends_of_x(&self) -> Result<Option<[f64; 2]>, ReportError> {
         let points = self.series.iter().flat_map(|s| (0..s.x.len()).filter(|&at| self.shows(s, at)).map(|at| s.x[at]));
         Ok(Scale::new(&self.x, points, [0.0, 1.0])?.map(|scale| [scale.range.low, scale.range.high]))
     }
 
-    fn draw_in(&self, size: [i32; 2], look: Look) -> Result<Picture, ReportError> {
-        for series in &self.series {
-            let n = series.x.len();
-            let sides = series.band.iter().flatten().map(Vec::len);
-            let band = sides.into_iter().find(|&side| side != n).unwrap_or(n);
-            if series.y.len() != n || band != n {
-                let (name, x, y) = (series.name.clone(), series.x.len(), series.y.len());
-                return Err(ReportError::Series { name, x, y, band });
+    /// The curves with `size` (at least 120 each way) between the axes; letters keep their size.
+    pub(super) fn draw_in(&self, size: [i32; 2], look: Look) -> Result<Picture, ReportError> {
+        for PlotSeries { name, x, y, band, .. } in &self.series {
+            let (x, y) = (x.len(), y.len());
+            let band = band.iter().flatten().map(Vec::len).find(|&side| side != x).unwrap_or(x);
+            if y != x || band != x {
+                return Err(ReportError::Series { name: name.clone(), x, y, band });
             }
         }
         let [width, height] = size.map(|side| side.max(120));
-        let shown = |s: &PlotSeries, at: usize| self.shows(s, at);
-        let points =
-            || self.series.iter().flat_map(|s| (0..s.x.len()).filter(|&at| shown(s, at)).map(move |at| (s, at)));
+        let points = || {
+            self.series.iter().flat_map(|s| (0..s.x.len()).map(move |at| (s, at))).filter(|(s, at)| self.shows(s, *at))
+        };
         // What is given and finite, but not shown: at or below zero on a logarithmic axis.
         let finite = |s: &PlotSeries, at: usize| s.x[at].abs() <= LARGEST && s.y[at].abs() <= LARGEST;
         let all = self.series.iter().map(|s| (0..s.x.len()).filter(|&at| finite(s, at)).count()).sum::<usize>();
@@ -327,14 +348,15 @@ impl Plot {
             grid(&mut scene, rect, &bottom, &left);
             scene.clip(rect);
             let place = |a: f64, b: f64| [f64::from(rect.x) + x.at(a), f64::from(rect.y) + y.at(b)];
-            for (k, series) in self.series.iter().enumerate() {
-                let bands = series.band.is_some() && !series.has_markers();
-                if bands {
-                    draw_band(&mut scene, series, series.colour.unwrap_or(k), &shown, &place);
-                }
+            let drawn = || {
+                let numbered = self.series.iter().enumerate().map(|(k, series)| (series, series.colour.unwrap_or(k)));
+                numbered.map(|(series, number)| (series, number, self.stretches(series)))
+            };
+            for (series, number, stretches) in drawn().filter(|(series, ..)| series.is_banded()) {
+                draw_band(&mut scene, series, number, &stretches, &place);
             }
-            for (k, series) in self.series.iter().enumerate() {
-                draw_series(&mut scene, series, series.colour.unwrap_or(k), &shown, &place);
+            for (series, number, stretches) in drawn() {
+                draw_series(&mut scene, series, number, &stretches, &place);
             }
             scene.unclip();
         }
@@ -360,29 +382,12 @@ fn colour_of(number: usize) -> Rgb {
     COLOURS[number % COLOURS.len()]
 }
 
-/// The stretches of a series without a gap, as numbers of its points.
-fn stretches(series: &PlotSeries, shown: &dyn Fn(&PlotSeries, usize) -> bool) -> Vec<Vec<usize>> {
-    let mut stretches = vec![Vec::new()];
-    for at in 0..series.x.len() {
-        if shown(series, at) {
-            stretches.last_mut().expect("never empty").push(at);
-        } else {
-            stretches.push(Vec::new());
-        }
-    }
-    stretches.retain(|stretch| !stretch.is_empty());
-    stretches
-}
+/// From values to the sheet.
+type Place<'a> = &'a dyn Fn(f64, f64) -> [f64; 2];
 
-fn draw_band(
-    scene: &mut Scene,
-    series: &PlotSeries,
-    number: usize,
-    shown: &dyn Fn(&PlotSeries, usize) -> bool,
-    place: &dyn Fn(f64, f64) -> [f64; 2],
-) {
+fn draw_band(scene: &mut Scene, series: &PlotSeries, number: usize, stretches: &[Vec<usize>], place: Place<'_>) {
     let mut path = Path::default();
-    for stretch in stretches(series, shown) {
+    for stretch in stretches {
         let edge = |at: &usize, side: usize| place(series.x[*at], series.edges(*at)[side]);
         let upper = stretch.iter().map(|at| edge(at, 1));
         path.polygon(upper.chain(stretch.iter().rev().map(|at| edge(at, 0))));
@@ -390,19 +395,11 @@ fn draw_band(
     scene.area(&path, colour_of(number), 0.22);
 }
 
-fn draw_series(
-    scene: &mut Scene,
-    series: &PlotSeries,
-    number: usize,
-    shown: &dyn Fn(&PlotSeries, usize) -> bool,
-    place: &dyn Fn(f64, f64) -> [f64; 2],
-) {
-    let stretches = stretches(series, shown);
+fn draw_series(scene: &mut Scene, series: &PlotSeries, number: usize, stretches: &[Vec<usize>], place: Place<'_>) {
     let colour = colour_of(number);
     if series.has_line() {
-        let mut path = Path::default();
-        let mut alone = Path::default();
-        for stretch in &stretches {
+        let (mut path, mut alone) = (Path::default(), Path::default());
+        for stretch in stretches {
             let mut kept: Vec<[f64; 2]> = Vec::with_capacity(stretch.len());
             for (k, &at) in stretch.iter().enumerate() {
                 let point = place(series.x[at], series.y[at]);
@@ -432,10 +429,14 @@ fn draw_series(
             }
             mark(&mut marks, number, place(x, y));
         }
-        scene.stroke(&bars, &Stroke::new(colour, 1.2));
-        scene.area(&marks, colour, 1.0);
-        scene.stroke(&marks, &Stroke::new(WHITE, 0.6));
+        draw_marks(scene, &bars, &marks, colour);
     }
+}
+
+fn draw_marks(scene: &mut Scene, bars: &Path, marks: &Path, colour: Rgb) {
+    scene.stroke(bars, &Stroke::new(colour, 1.2));
+    scene.area(marks, colour, 1.0);
+    scene.stroke(marks, &Stroke::new(WHITE, 0.6));
 }
 
 fn line_stroke(series: &PlotSeries, colour: Rgb) -> Stroke {
@@ -492,22 +493,19 @@ impl<'a> Legend<'a> {
             let mut sample = Path::default();
             sample.line([[x, middle], [x + f64::from(SAMPLE), middle]]);
             if series.has_line() {
-                if series.band.is_some() && !series.has_markers() {
+                if series.is_banded() {
                     scene.stroke(&sample, &Stroke { opacity: 0.22, ..Stroke::new(colour, 12.0) });
                 }
                 scene.stroke(&sample, &line_stroke(series, colour));
             }
             if series.has_markers() {
+                let (mut bar, mut marks) = (Path::default(), Path::default());
                 let centre = x + f64::from(SAMPLE) / 2.0;
                 if series.band.is_some() {
-                    let mut bar = Path::default();
                     bar.line([[centre, middle - 8.0], [centre, middle + 8.0]]);
-                    scene.stroke(&bar, &Stroke::new(colour, 1.2));
                 }
-                let mut marks = Path::default();
                 mark(&mut marks, *number, [centre, middle]);
-                scene.area(&marks, colour, 1.0);
-                scene.stroke(&marks, &Stroke::new(WHITE, 0.6));
+                draw_marks(scene, &bar, &marks, colour);
             }
             let foot = [x + f64::from(SAMPLE + GAP), y + f64::from(letters.small.em)];
             scene.text(&letters.small, name, Anchor::Start, foot, BLACK);

@@ -34,23 +34,22 @@ pub(super) fn profile_plot(
     // Not finer than anybody can see; a line that is none is refused by `Segment`.
     let step = if length > 0.0 && length.is_finite() { length / POINTS } else { 1.0 };
     let points = Segment::new([x0, y0], [x1, y1], step)?.points();
-    let noise = || {
-        if options.known_noise { NodalNoise::of(measurement) } else { NodalNoise::unknown_of(measurement) }
-    };
     let mut values = vec![f64::NAN; points.len()];
     let mut half = None;
     match what {
         Profiled::Values(field) => sample(measurement, field, &points, &mut values),
         Profiled::Displacement(c) | Profiled::Strain(c) => {
             let strain = matches!(what, Profiled::Strain(_));
-            let noise = noise();
+            let noise = match options.known_noise {
+                true => NodalNoise::of(measurement),
+                false => NodalNoise::unknown_of(measurement),
+            };
             let half = half.insert(vec![0.0; points.len()]);
             for (k, &(_, at)) in points.iter().enumerate() {
                 let Some(there) = at_point(measurement, &noise, options.strain, at) else { continue };
-                let value = if strain {
-                    there.strain.map(|(strain, sigma)| (strain.components()[c], sigma[c]))
-                } else {
-                    Some((there.displacement[c], there.sigma[c]))
+                let value = match strain {
+                    true => there.strain.map(|(strain, sigma)| (strain.components()[c], sigma[c])),
+                    false => Some((there.displacement[c], there.sigma[c])),
                 };
                 if let Some((value, sigma)) = value {
                     values[k] = value;
@@ -59,9 +58,8 @@ pub(super) fn profile_plot(
             }
         }
     }
-    let mut notes = Vec::new();
     let mm = options.pixel_size.map_or(String::new(), |size| format!("; 1 px is {} mm", size.mm_per_px()));
-    notes.push(format!("from A ({x0}, {y0}) px to B ({x1}, {y1}) px{mm}"));
+    let mut notes = vec![format!("from A ({x0}, {y0}) px to B ({x1}, {y1}) px{mm}")];
     if matches!(what, Profiled::Strain(_)) {
         let definition = options.strain;
         notes.push(format!("{definition} strain, {}, over twice the element size", definition.formula()));
@@ -72,19 +70,13 @@ pub(super) fn profile_plot(
         notes.push(format!("band: \u{b1}{K} standard uncertainties{bound}"));
     }
     let s = points.iter().map(|(s, _)| *s).collect();
-    let series =
-        PlotSeries { band: half.map(|half| [half.clone(), half]), ..PlotSeries::new("", Style::Line, s, values) };
-    Ok(Plot {
-        x: Axis::linear("distance from A (px)").with_range(0.0, length),
-        series: vec![series],
-        notes,
-        warnings: warnings(measurement, true),
-        ..Plot::default()
-    })
+    let mut series = PlotSeries::new("", Style::Line, s, values);
+    series.band = half.map(|half| [half.clone(), half]);
+    let x = Axis::linear("distance from A (px)").with_range(0.0, length);
+    Ok(Plot { notes, warnings: warnings(measurement, true), ..Plot::new("", x, "", [series]) })
 }
 
-/// Interpolates nodal values, or takes those of the elements, at the points that lie in an element with all nodes
-/// measured.
+/// Interpolates nodal values, or takes those of the elements, at the points in elements with all nodes measured.
 fn sample(measurement: &Measurement<Px>, field: &Values, points: &[(f64, [f64; 2])], values: &mut [f64]) {
     let mesh = &measurement.mesh;
     for ((_, [x, y]), value) in points.iter().zip(values) {

@@ -1,6 +1,7 @@
 //! Elements in pixels.
 
 use super::backdrop::png;
+use super::scale::{Palette, Range};
 use super::scene::Rgb;
 use crate::mesh::InverseMap;
 use image::ExtendedColorType;
@@ -20,10 +21,24 @@ impl Layer {
         Self { width, height, rgba: vec![0; 4 * width as usize * height as usize] }
     }
 
+    /// One row with all colours of a palette.
+    pub fn bar(palette: Palette, width: u32) -> Self {
+        let pixel = |k: u32| {
+            let [r, g, b] = palette.colour(f64::from(k) / f64::from((width - 1).max(1)));
+            [r, g, b, 255]
+        };
+        Self { width, height: 1, rgba: (0..width).flat_map(pixel).collect() }
+    }
+
     /// Colours the pixels whose centres lie in the element with these corners (in pixels of the layer, from its
     /// upper left corner); `colour` is given the shape functions there.
     pub fn fill(&mut self, corners: [[f64; 2]; 4], mut colour: impl FnMut([f64; 4]) -> Rgb) {
         self.paint(corners, |_, shape| Some(colour(shape)));
+    }
+
+    /// The same with the colours of values at the corners.
+    pub fn fill_values(&mut self, corners: [[f64; 2]; 4], values: [f64; 4], palette: Palette, range: Range) {
+        self.fill(corners, |shape| palette.colour(range.fraction(shape.iter().zip(values).map(|(n, v)| n * v).sum())));
     }
 
     /// Colours pixels of the element, by their column and row and the shape functions there.

@@ -7,8 +7,7 @@ use std::sync::OnceLock;
 /// Colours of the table of a palette.
 const STEPS: usize = 4096;
 
-/// A row of colours that colour-blind readers can follow too: growing lighter in even steps, or from both
-/// sides towards the middle.
+/// A row of colours that colour-blind readers can follow too: lighter in even steps, or from both sides to the middle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Palette {
@@ -75,6 +74,12 @@ impl Range {
         let middle = low / 2.0 + high / 2.0;
         let half = if middle.abs() > 1e-290 { 0.1 * middle.abs() } else { 1.0 };
         Some(Self { low: middle - half, high: middle + half })
+    }
+
+    /// As far below zero as above, and no shorter.
+    pub fn symmetric(self) -> Self {
+        let reach = self.low.abs().max(self.high.abs());
+        Self { low: -reach, high: reach }
     }
 
     /// Where `value` lies: 0 at the lower end, 1 at the upper.
@@ -229,16 +234,18 @@ pub(super) fn write_number(value: f64) -> String {
     text.replace('-', "\u{2212}")
 }
 
+/// The least and the largest of `values` but for the share `cut` at either end; `None` without any.
+pub(super) fn outer_ends(mut values: Vec<f64>, cut: f64) -> Option<[f64; 2]> {
+    values.sort_unstable_by(f64::total_cmp);
+    let cut = (cut * values.len() as f64) as usize;
+    Some([*values.get(cut)?, values[values.len() - 1 - cut]])
+}
+
 /// The 1st and the 99th percentile of `values`, those of them next to it; `None` without values.
 pub(super) fn percentiles(mut values: Vec<f64>) -> Option<[f64; 2]> {
     values.sort_unstable_by(f64::total_cmp);
     let at = |part: f64| values.get((values.len().saturating_sub(1) as f64 * part).round() as usize).copied();
     Some([at(0.01)?, at(0.99)?])
-}
-
-/// The colour of `value` in `range`.
-pub(super) fn colour(palette: Palette, range: Range, value: f64) -> Rgb {
-    palette.colour(range.fraction(value))
 }
 
 #[cfg(test)]

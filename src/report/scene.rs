@@ -227,21 +227,18 @@ impl Scene {
     /// What is drawn from here to [`Scene::unclip`] is seen inside the rectangle only.
     pub fn clip(&mut self, rect: Rect) {
         let Rect { x, y, width, height } = rect;
-        self.n_clips += 1;
-        let id = self.n_clips;
-        self.put(format_args!(
-            r##"<clipPath id="clip{id}"><rect x="{x}" y="{y}" width="{width}" height="{height}"/></clipPath><g clip-path="url(#clip{id})">"##
-        ));
+        self.clip_with(format_args!(r#"<rect x="{x}" y="{y}" width="{width}" height="{height}"/>"#));
     }
 
     /// The same with the inside of a path.
     pub fn clip_to(&mut self, path: &Path) {
+        self.clip_with(format_args!(r#"<path clip-rule="evenodd" d="{}"/>"#, path.0));
+    }
+
+    fn clip_with(&mut self, shape: std::fmt::Arguments<'_>) {
         self.n_clips += 1;
         let id = self.n_clips;
-        self.put(format_args!(
-            r##"<clipPath id="clip{id}"><path clip-rule="evenodd" d="{}"/></clipPath><g clip-path="url(#clip{id})">"##,
-            path.0
-        ));
+        self.put(format_args!(r##"<clipPath id="clip{id}">{shape}</clipPath><g clip-path="url(#clip{id})">"##));
     }
 
     /// Ends a clip.

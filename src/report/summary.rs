@@ -149,8 +149,7 @@ pub struct FrameSummary {
     pub nodes_at_noise_bound: usize,
     /// Elements whose pixels do not match (correlation coefficient below 1/2).
     pub elements_poor: usize,
-    /// The period of a texture that repeats: the displacement is known but for multiples of it. Absent where it is
-    /// known.
+    /// The period of a texture that repeats: the displacement is known but for multiples of it. Absent without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ambiguity: Option<Ambiguity>,
     /// The elements whose residual is beyond noise: the field is not followed there. Absent when there are none.
@@ -165,12 +164,10 @@ pub struct FrameSummary {
     /// Share of the pixels in the zones that are black or white without any difference left; none for floats.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub saturated_percent: Option<f64>,
-    /// Rows or columns of one grey level where the reference has texture: the image is not whole. Absent of one that
-    /// is.
+    /// Rows or columns of one grey level where the reference has texture; absent of an image that is whole.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blank: Option<Blank>,
-    /// What standard uncertainties were multiplied by, x and y, because noise is correlated from pixel to pixel;
-    /// absent where that is 1.
+    /// What standard uncertainties were multiplied by, x and y, for noise correlated between pixels; absent where 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_correlation_factor: Option<[f64; 2]>,
     /// What the residual says of it; absent where it was not looked for, or too few whole elements are there.
@@ -185,8 +182,7 @@ pub struct FrameSummary {
     pub seconds: f64,
     /// Reading and decoding, seconds.
     pub seconds_decode: f64,
-    /// Of a frame measured on a graphics device that was looked at: how far the field is from the one that the CPU
-    /// finds, px.
+    /// Of a frame that a graphics device measured and the CPU checked: how far apart their fields are, px.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device_checked_px: Option<f64>,
     /// What went to a graphics device and back: `submissions`, `readbacks`, `bytes_up`, `bytes_down`.

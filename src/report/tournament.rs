@@ -1,12 +1,11 @@
-//! What a comparison of laws gives people and programs: `tournament.json`, the table of tractions, a figure, a section
-//! of a page.
+//! What a comparison of laws gives people and programs: `tournament.json`, a table of tractions, figures, a page.
 
-use super::fit::rows_of;
-use super::law_plot::{MODES, law_series};
-use super::page::{Block, Curves, Page, Section};
+use super::fit::{law_rows, rows_of};
+use super::law_plot::{MODES, law_series, mode_plot};
+use super::page::{Block, Page, Section};
 use super::words::{capital, plain, plain_or_dash, significant};
-use super::{Axis, Name, Picture, Plot, PlotSeries, ReportError, Style, number};
-use crate::identify::{CurveBand, LawFit, Score, Spread, Tournament};
+use super::{Name, Picture, Plot, PlotSeries, ReportError, Style, number, to_strings, version};
+use crate::identify::{CurveBand, FittedParameter, LawFit, Score, Spread, Tournament};
 use crate::io::joint::{JointFileError, write_table};
 use crate::mechanics::cohesive::Jump;
 use crate::remark::Remark;
@@ -140,16 +139,13 @@ impl LawRecord {
             Ok(fit) => (fit.status.name(), fit.reason.clone()),
             Err(reason) => ("failed", (*reason).clone()),
         };
-        let parameters = fit.map_or(Vec::new(), |fit| {
-            let one = |p: &crate::identify::FittedParameter| FittedRecord {
-                name: p.parameter.name.into(),
-                unit: p.parameter.unit.into(),
-                value: p.value,
-                std: p.std,
-                ends95: p.ends95,
-            };
-            fit.parameters.iter().map(one).collect()
-        });
+        let fitted = |&FittedParameter { parameter, value, std, ends95, .. }: &FittedParameter| FittedRecord {
+            name: parameter.name.into(),
+            unit: parameter.unit.into(),
+            value,
+            std,
+            ends95,
+        };
         let all = law.problem.unknowns.law();
         let values = fit.map_or_else(|_| all.values(), |fit| fit.values.clone());
         let prescribed = (all.parameters().iter().zip(values))
@@ -173,7 +169,7 @@ impl LawRecord {
             left_out_omega: law.left_out.map(|left_out| left_out.omega),
             weight: law.weight,
             evaluations: fit.map_or(0, |fit| fit.evaluations),
-            parameters,
+            parameters: fit.map_or(Vec::new(), |fit| fit.parameters.iter().map(fitted).collect()),
             prescribed,
             opening_work: work(0),
             sliding_work: work(1),
@@ -230,14 +226,9 @@ impl TournamentReport {
     /// # Errors
     /// A file that is no such table.
     pub fn read(record: TournamentRecord, tractions: &Path) -> Result<Self, JointFileError> {
-        let empty = || CurveBand {
-            jumps: Vec::new(),
-            traction: Vec::new(),
-            std: Vec::new(),
-            low: Vec::new(),
-            high: Vec::new(),
-        };
-        let mut all: Vec<[CurveBand; 2]> = (0..=record.laws.len()).map(|_| [empty(), empty()]).collect();
+        let (jumps, [traction, std, low, high]) = Default::default();
+        let empty = CurveBand { jumps, traction, std, low, high };
+        let mut all = vec![[empty.clone(), empty]; record.laws.len() + 1];
         for row in rows_of(tractions, &COLUMNS)? {
             let mode = usize::from(row[1] > 1.0);
             let Some(curve) = all.get_mut(row[0] as usize).map(|curves| &mut curves[mode]) else { continue };
@@ -245,10 +236,8 @@ impl TournamentReport {
                 0 => Jump { normal: row[3], tangential: 0.0 },
                 _ => Jump { normal: 0.0, tangential: row[3] },
             });
-            curve.traction.push(row[4]);
-            curve.std.push(row[5]);
-            curve.low.push(row[6]);
-            curve.high.push(row[7]);
+            let lists = [&mut curve.traction, &mut curve.std, &mut curve.low, &mut curve.high];
+            lists.into_iter().zip(&row[4..]).for_each(|(list, value)| list.push(*value));
         }
         let mut curves = all.into_iter().map(|curves| Some(curves).filter(|curves| !curves[0].jumps.is_empty()));
         let average = curves.next().flatten();
@@ -263,26 +252,19 @@ impl TournamentReport {
         let names: Vec<String> =
             (1..).zip(&self.record.laws).map(|(k, law): (usize, _)| format!("{k} {}", law.law)).collect();
         let notes = [
-            format!("quadrille {}", env!("CARGO_PKG_VERSION")),
+            version(),
             "tractions in pure opening (mode 1) and pure sliding (mode 2) with 95 % bands; mm, MPa".to_owned(),
             format!("law 0: average over the laws that are not rejected; {}", names.join("; ")),
         ];
         let average = self.average.as_ref().map(|curves| (0, curves));
         let laws = (1u64..).zip(&self.curves).filter_map(|(k, curves)| Some((k, curves.as_ref()?)));
         let rows = average.into_iter().chain(laws).flat_map(|(law, curves)| {
-            (1u64..).zip(curves).flat_map(move |(mode, curve)| {
-                (0..curve.jumps.len()).map(move |k| {
-                    let jump = curve.jumps[k].normal + curve.jumps[k].tangential;
-                    let values = vec![jump, curve.traction[k], curve.std[k], curve.low[k], curve.high[k]];
-                    (vec![law, mode, k as u64], values)
-                })
-            })
+            law_rows(curves).map(move |(numbers, values)| ([vec![law], numbers].concat(), values))
         });
-        write_table(out, &notes, &COLUMNS.map(str::to_owned), rows)
+        write_table(out, &notes, &to_strings(&COLUMNS), rows)
     }
 
-    /// Draws all laws over each other, in opening and in sliding; `save` is called with the name (without ending) of
-    /// each picture.
+    /// Draws all laws over each other in each mode; `save` is called with the name (without ending) of each picture.
     ///
     /// # Errors
     /// A picture without a finite range, and what `save` refuses.
@@ -297,7 +279,6 @@ impl TournamentReport {
 
     /// All laws in one mode; `None` where no law has a fit.
     fn together(&self, mode: usize) -> Option<Plot> {
-        let (name, jump, traction) = MODES[mode];
         let mut series: Vec<PlotSeries> = Vec::new();
         if let Some(average) = &self.average {
             series.push(law_series("average", &average[mode], Style::Line, true));
@@ -312,39 +293,27 @@ impl TournamentReport {
             let style = if counts { Style::Line } else { Style::Dashed };
             series.push(law_series(&format!("{}, {words}", law.law), &curves[mode], style, counts));
         }
-        (!series.is_empty()).then(|| Plot {
-            title: format!("The laws in pure {name}, 95 % bands of those that are left"),
-            x: Axis::linear(format!("{jump} (\u{b5}m)")),
-            y: Axis::linear(format!("{traction} (MPa)")),
-            series,
-            notes: self.record.sentences.iter().take(1).cloned().collect(),
-            ..Plot::default()
-        })
+        let title = format!("The laws in pure {}, 95 % bands of those that are left", MODES[mode].0);
+        let notes = self.record.sentences.iter().take(1).cloned().collect();
+        (!series.is_empty()).then(|| Plot { notes, ..mode_plot(title, mode, series) })
     }
 
     /// Law number `k` beside the average.
     fn alone(&self, k: usize, mode: usize) -> Option<Plot> {
-        let (name, jump, traction) = MODES[mode];
         let law = &self.record.laws[k].law;
-        let mut series = vec![law_series(law, &self.curves[k].as_ref()?[mode], Style::Line, true)];
-        let mut y = Axis::linear(format!("{traction} (MPa)"));
+        let series = law_series(law, &self.curves[k].as_ref()?[mode], Style::Line, true);
+        let mut plot = mode_plot(format!("{law} in {}", MODES[mode].0), mode, vec![series]);
         if let Some(average) = &self.average {
             let curve = &average[mode];
-            series.push(law_series("average", curve, Style::Dashed, false));
             // The bands of a law that the data hardly know would leave nothing to be seen of the others.
-            let finite = curve.high.iter().chain(&series[0].y).filter(|v| v.is_finite());
+            let finite = curve.high.iter().chain(&plot.series[0].y).filter(|v| v.is_finite());
             let largest = finite.fold(0.0_f64, |most, v| most.max(*v));
             if largest > 0.0 {
-                y = y.with_range(-0.05 * largest, 1.2 * largest);
+                plot.y.range = Some((-0.05 * largest, 1.2 * largest));
             }
+            plot.series.push(law_series("average", curve, Style::Dashed, false));
         }
-        Some(Plot {
-            title: format!("{law} in {name}"),
-            x: Axis::linear(format!("{jump} (\u{b5}m)")),
-            y,
-            series,
-            ..Plot::default()
-        })
+        Some(plot)
     }
 
     /// The comparison as a section of a page.
@@ -356,20 +325,18 @@ impl TournamentReport {
         if let Some((first, rest)) = self.record.sentences.split_first() {
             let warning = self.record.alike.len() != 1;
             blocks.push(Block::Lead { text: format!("{}.", capital(first)), warning });
-            blocks.extend(rest.iter().map(|line| Block::Text(format!("{}.", capital(line)))));
+            blocks.extend(rest.iter().map(|line| Block::sentence(line)));
         }
-        blocks.push(Block::Text(
+        blocks.push(Block::text(
             "All laws are fitted to the same displacements with the same weights and the same noise. Omega is the whitened \
              residual: of a right model it is about the number of data. AIC = omega + 2 p and BIC = omega + p ln n judge laws with \
              different numbers p of parameters (with an unknown noise n ln(omega/n) stands for omega); left-out instants are \
-             predicted from the others. The weight is that of Akaike, zero for what the misfit test rejects."
-                .into(),
+             predicted from the others. The weight is that of Akaike, zero for what the misfit test rejects.",
         ));
         blocks.push(self.table());
         blocks.push(self.works());
         let pictures = |plots: Vec<Option<Plot>>, caption: &str| -> Result<Vec<Block>, ReportError> {
-            let drawn = plots.into_iter().flatten().map(|plot| Ok(Block::Curves(Curves::new(&plot, caption)?)));
-            drawn.collect()
+            plots.iter().flatten().map(|plot| Block::curves(plot, caption)).collect()
         };
         let both = pictures(vec![self.together(0), self.together(1)], "Bands: 95 %, of laws with a weight.")?;
         blocks.push(Block::Grid(both));
@@ -382,7 +349,6 @@ impl TournamentReport {
     }
 
     fn table(&self) -> Block {
-        let columns = ["law", "omega", "p", "AIC", "BIC", "left out", "z", "weight", "verdict"];
         let rows = self.record.laws.iter().map(|law| {
             let digits = |value: Option<f64>| value.map_or_else(|| "\u{2013}".to_owned(), |v| format!("{v:.1}"));
             vec![
@@ -402,7 +368,7 @@ impl TournamentReport {
                 },
             ]
         });
-        Block::Table { columns: columns.map(str::to_owned).to_vec(), rows: rows.collect() }
+        Block::table(&["law", "omega", "p", "AIC", "BIC", "left out", "z", "weight", "verdict"], rows)
     }
 
     fn works(&self) -> Block {
@@ -416,8 +382,7 @@ impl TournamentReport {
         if let Some(average) = self.record.average {
             rows.push(row("average", [Some(average.opening_work), Some(average.sliding_work)]));
         }
-        let columns = ["law", "work in opening (N/mm)", "work in sliding (N/mm)"];
-        Block::Table { columns: columns.map(str::to_owned).to_vec(), rows }
+        Block::table(&["law", "work in opening (N/mm)", "work in sliding (N/mm)"], rows)
     }
 
     fn parameters(&self) -> Block {
@@ -434,8 +399,7 @@ impl TournamentReport {
                 ]
             })
         });
-        let columns = ["law", "parameter", "value", "std", "95 % interval, if this law were true"];
-        Block::Table { columns: columns.map(str::to_owned).to_vec(), rows: rows.collect() }
+        Block::table(&["law", "parameter", "value", "std", "95 % interval, if this law were true"], rows)
     }
 
     /// The comparison as a page of its own.

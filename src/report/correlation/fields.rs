@@ -7,7 +7,7 @@ use crate::field::{DOUBTFUL, TensorStrain};
 use crate::report::map::{Cell, element_cells, nodal_cells};
 use crate::report::page::{Block, Map, Pixels, Section};
 use crate::report::raster::Layer;
-use crate::report::scale::{LARGEST, Palette, Range, colour, percentiles};
+use crate::report::scale::{LARGEST, Palette, Range, percentiles};
 use crate::report::scene::{BLACK, COLOURS, Rgb, WHITE};
 use crate::report::words::significant;
 use crate::report::{Backdrop, ReportError};
@@ -81,17 +81,16 @@ impl Sheet {
 impl CorrelationReport<'_> {
     pub(super) fn fields(&self) -> Result<Section, ReportError> {
         let sheet = Sheet::new(self.reference);
-        let mut blocks = Vec::new();
         let Some(last) = self.drawn.last() else {
-            let text = "No frame has a field.".to_owned();
-            return Ok(Section { title: "Fields".into(), blocks: vec![Block::Lead { text, warning: true }] });
+            let blocks = vec![Block::warning("No frame has a field.")];
+            return Ok(Section { title: "Fields".into(), blocks });
         };
-        blocks.push(Block::Text(format!(
+        let about = format!(
             "Over the reference image. Colours go from the 1st to the 99th percentile of the values that are not hatched; what is \
              beyond has the colour of the end. Hatched: the standard uncertainty of a node is above {DOUBTFUL} times the median. \
              Displacements are positive to the right and down. All frames, with values under the pointer, profiles and gauges: \
              `quadrille view` with the folder of this page."
-        )));
+        );
         let mut drawn = Vec::new();
         for frame in self.drawn {
             let is_last = frame.number == last.number;
@@ -100,8 +99,7 @@ impl CorrelationReport<'_> {
         let maps = drawn.into_par_iter().map(|(frame, drawn)| self.map(&sheet, frame, drawn));
         let mut maps = maps.collect::<Result<Vec<_>, _>>()?;
         maps.insert(0, self.mesh(&sheet, last)?);
-        blocks.push(Block::Grid(maps));
-        Ok(Section { title: "Fields".into(), blocks })
+        Ok(Section { title: "Fields".into(), blocks: vec![Block::Text(about), Block::Grid(maps)] })
     }
 
     /// The fields of a frame: of the last one all, of others displacements and the larger of the normal strains.
@@ -122,28 +120,27 @@ impl CorrelationReport<'_> {
         };
         let larger = usize::from(spread(&frame.strain.elements, 1) > spread(&frame.strain.elements, 0));
         for c in (0..3).filter(|&c| is_last || c == larger) {
-            let values: Vec<f64> = match &frame.strain.window {
-                Some(window) => window.nodes.iter().map(|at| at.map_or(f64::NAN, |(e, _)| e.components()[c])).collect(),
-                None => frame.strain.elements.iter().map(|e| e.map_or(f64::NAN, |e| e.components()[c])).collect(),
-            };
+            let value = |e: Option<TensorStrain>| e.map_or(f64::NAN, |e| e.components()[c]);
             match &frame.strain.window {
                 Some(window) => {
+                    let values: Vec<f64> = window.nodes.iter().map(|at| value(at.map(|(e, _)| e))).collect();
                     let length = window.window.gauge_length(self.element_px);
                     let name = format!("{} over a virtual strain gauge of {length:.0} px", names[c]);
                     add(&name, "", Palette::BlueRed, nodal_cells(field, &values)?);
                 }
-                None => add(names[c], "", Palette::BlueRed, element_cells(field, &values)?),
+                None => {
+                    let values: Vec<f64> = frame.strain.elements.iter().map(|e| value(*e)).collect();
+                    add(names[c], "", Palette::BlueRed, element_cells(field, &values)?);
+                }
             }
         }
         if is_last {
             let rms = |s: &[f64; 2]| (0.5 * (s[0] * s[0] + s[1] * s[1])).sqrt();
             let sigma: Vec<f64> = field.sigma_at_points().iter().map(rms).collect();
-            add("Residual of each element, rms: uniform where there is only noise", "grey levels", Palette::Plasma, {
-                element_cells(field, &field.element_residual)?
-            });
-            add("Standard uncertainty of the displacement, rms of both components", "px", Palette::Viridis, {
-                nodal_cells(field, &sigma)?
-            });
+            let name = "Residual of each element, rms: uniform where there is only noise";
+            add(name, "grey levels", Palette::Plasma, element_cells(field, &field.element_residual)?);
+            let name = "Standard uncertainty of the displacement, rms of both components";
+            add(name, "px", Palette::Viridis, nodal_cells(field, &sigma)?);
         }
         Ok(drawn)
     }
@@ -189,15 +186,12 @@ impl CorrelationReport<'_> {
         let Some([low, high]) = percentiles(told(false)).or_else(|| percentiles(told(true))) else {
             return Ok(Block::Text(format!("{caption}: nothing to draw.")));
         };
-        let (low, high) = match palette.is_diverging() {
-            true => (-low.abs().max(high.abs()), low.abs().max(high.abs())),
-            false => (low, high),
-        };
-        let range = Range::of([low, high].into_iter()).unwrap_or(Range { low: 0.0, high: 1.0 });
+        let ends = if palette.is_diverging() { Range { low, high }.symmetric() } else { Range { low, high } };
+        let range = Range::of([ends.low, ends.high].into_iter()).unwrap_or(Range { low: 0.0, high: 1.0 });
         let mut layer = sheet.layer();
         for (nodes, values) in shown() {
             let corners = nodes.map(|node| sheet.place(mesh.nodes()[node as usize]));
-            layer.fill(corners, |shape| colour(palette, range, shape.iter().zip(values).map(|(n, v)| n * v).sum()));
+            layer.fill_values(corners, *values, palette, range);
         }
         let mut picture = sheet.picture.clone();
         layer.over(&mut picture.rgb, OPACITY);
@@ -209,13 +203,7 @@ impl CorrelationReport<'_> {
         }
         hatch.over(&mut picture.rgb, 1.0);
         let mut bar = Pixels { width: BAR, height: 1, rgb: [sheet.mean; 3].repeat(BAR as usize) };
-        let mut colours = Layer::new(BAR, 1);
-        for k in 0..BAR {
-            let x = f64::from(k);
-            let share = x / f64::from(BAR - 1);
-            colours.fill([[x, -1.0], [x + 1.0, -1.0], [x + 1.0, 2.0], [x, 2.0]], |_| palette.colour(share));
-        }
-        colours.over(&mut bar.rgb, OPACITY);
+        Layer::bar(palette, BAR).over(&mut bar.rgb, OPACITY);
         let end = |v: f64| format!("{} {unit}", significant(v, 3)).trim_end().to_owned();
         Ok(Block::Map(Map::of_pixels(&picture, Some((&bar, [end(range.low), end(range.high)])), caption)?))
     }

@@ -1,8 +1,8 @@
 //! Noise and strain against the length of the virtual strain gauge.
 
 use super::{CorrelationReport, DrawnFrame};
-use crate::field::{ELEMENT_NOISE, Elements, Measurement, StrainDefinition, StrainWindow, StrainWindows, TensorStrain};
-use crate::report::page::{Block, Curves, Section};
+use crate::field::{ELEMENT_NOISE, Elements, Measurement, StrainWindow, StrainWindows, TensorStrain};
+use crate::report::page::{Block, Section};
 use crate::report::scale::percentiles;
 use crate::report::words::significant;
 use crate::report::{Axis, Plot, PlotSeries, ReportError, Style};
@@ -27,17 +27,18 @@ struct Row {
     peak: Option<f64>,
 }
 
+/// The middle one of `values`, or the upper of two; `None` without values.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    let at = values.len() / 2;
+    (at < values.len()).then(|| *values.select_nth_unstable_by(at, f64::total_cmp).1)
+}
+
 /// Standard deviation of the bulk: of normal ones that of all.
 fn scatter(strains: &[TensorStrain]) -> Option<[f64; 2]> {
-    let middle = |mut values: Vec<f64>| {
-        let at = values.len() / 2;
-        values.get(at)?;
-        Some(*values.select_nth_unstable_by(at, f64::total_cmp).1)
-    };
     let of = |c: usize| {
         let values: Vec<f64> = strains.iter().map(|e| e.components()[c]).collect();
-        let median = middle(values.clone())?;
-        Some(1.4826 * middle(values.into_iter().map(|v| (v - median).abs()).collect())?)
+        let middle = median(values.clone())?;
+        Some(1.4826 * median(values.into_iter().map(|v| (v - middle).abs()).collect())?)
     };
     Some([of(0)?, of(1)?])
 }
@@ -55,10 +56,7 @@ fn peak(strains: &[TensorStrain]) -> Option<f64> {
 pub(super) fn median_sigma(field: &Measurement<Px>) -> Option<[f64; 2]> {
     let of = |c: usize| {
         let known = field.sigma.iter().zip(&field.measured).filter(|(_, measured)| **measured);
-        let mut values: Vec<f64> = known.map(|(sigma, _)| sigma[c]).collect();
-        let at = values.len() / 2;
-        values.get(at)?;
-        Some(*values.select_nth_unstable_by(at, f64::total_cmp).1)
+        median(known.map(|(sigma, _)| sigma[c]).collect())
     };
     Some([of(0)?, of(1)?])
 }
@@ -74,13 +72,11 @@ impl CorrelationReport<'_> {
              gauge has less noise and flattens peaks: take the longest at which the peak still stands. Strain: {definition}, {}.",
             definition.formula()
         ))];
-        let regularised = self.is_regularised();
-        if regularised {
-            blocks.push(Block::Text(
+        if self.is_regularised() {
+            blocks.push(Block::text(
                 "A regularisation or splines bind the nodes to each other, which correlates their noise: the noise below is that of \
                  nodes that are not, more than there is, and the cut-off length, or the distance of the knots, takes part in the \
-                 length of the gauge."
-                    .into(),
+                 length of the gauge.",
             ));
         }
         let number = |v: Option<f64>| v.map_or("-".to_owned(), |v| format!("{v:.2e}"));
@@ -96,24 +92,21 @@ impl CorrelationReport<'_> {
                 own.zip(row.peak).map_or("-".to_owned(), |(own, peak)| significant(peak / own, 3)),
             ]
         };
-        blocks.push(Block::Table {
-            columns: vec![
-                "window N".into(),
-                "gauge length".into(),
-                format!("noise of exx, eyy (from sigma, frame {})", first.number),
-                format!("scatter of exx, eyy in frame {}", first.number),
-                format!("peak strain, frame {}", last.number),
-                "of the element's".into(),
-            ],
-            rows: rows.iter().map(cells).collect(),
-        });
-        blocks.push(Block::Text(
+        let columns: [&str; 6] = [
+            "window N",
+            "gauge length",
+            &format!("noise of exx, eyy (from sigma, frame {})", first.number),
+            &format!("scatter of exx, eyy in frame {}", first.number),
+            &format!("peak strain, frame {}", last.number),
+            "of the element's",
+        ];
+        blocks.push(Block::table(&columns, rows.iter().map(cells)));
+        blocks.push(Block::text(
             "Noise: median standard uncertainty, inside a zone. Scatter: of the bulk of the frame (1.48 times the median absolute \
              deviation), the noise floor where the specimen is at rest. Peak: 99th percentile of the largest principal strain by \
-             size, without hatched places; of a short gauge it holds noise."
-                .into(),
+             size, without hatched places; of a short gauge it holds noise.",
         ));
-        blocks.extend(rest_of(&rows, first.number).map(|text| Block::Lead { text, warning: true }));
+        blocks.extend(rest_of(&rows, first.number).map(Block::warning));
         blocks.push(Block::Grid(vec![curves(&rows, self.drawn)?]));
         Ok(Some(Section { title: "Strain, and the length it is measured over".into(), blocks }))
     }
@@ -140,18 +133,16 @@ impl CorrelationReport<'_> {
             peak: peak(&known(last)),
         }];
         let n_nodes = last.field.mesh.n_nodes();
-        for window in
-            WINDOWS.into_iter().filter(|&window| window <= 5 || n_nodes <= LARGE).filter_map(StrainWindow::new)
-        {
+        let sizes = WINDOWS.into_iter().filter(|&window| window <= 5 || n_nodes <= LARGE);
+        for window in sizes.filter_map(StrainWindow::new) {
             // For the values alone: what their noise is inside is known.
             let windows = StrainWindows::new(&last.field.mesh, window, true);
-            let strains = |frame: &DrawnFrame, definition: StrainDefinition| -> Vec<TensorStrain> {
-                let (doubtful, found) = (frame.field.doubtful(), windows.of(&frame.field, definition));
+            let strains = |frame: &DrawnFrame| -> Vec<TensorStrain> {
+                let (doubtful, found) = (frame.field.doubtful(), windows.of(&frame.field, last.strain.definition));
                 let sure = found.nodes.into_iter().zip(doubtful).filter(|(_, doubtful)| !doubtful);
                 sure.filter_map(|(at, _)| at.map(|(strain, _)| strain)).collect()
             };
-            let definition = last.strain.definition;
-            let of_last = strains(last, definition);
+            let of_last = strains(last);
             if of_last.is_empty() {
                 break;
             }
@@ -159,7 +150,7 @@ impl CorrelationReport<'_> {
                 nodes: window.nodes(),
                 length_px: window.gauge_length(self.element_px),
                 noise: sigma.map(|sigma| window.noise() * sigma / self.element_px),
-                scatter: scatter(&strains(first, definition)),
+                scatter: scatter(&strains(first)),
                 peak: peak(&of_last),
             });
         }
@@ -191,18 +182,13 @@ fn curves(rows: &[Row], drawn: &[DrawnFrame]) -> Result<Block, ReportError> {
     let series = |name: &str, of: &dyn Fn(&Row) -> f64| {
         PlotSeries::new(name, Style::LineAndMarkers, lengths.clone(), rows.iter().map(of).collect())
     };
-    let plot = Plot {
-        title: "Noise and peak against the length of the gauge".into(),
-        x: Axis::linear("virtual strain gauge (px)"),
-        y: Axis::log("strain"),
-        series: vec![
-            series("noise", &|row| row.noise[0].max(row.noise[1])),
-            series("scatter at first", &|row| row.scatter.map_or(f64::NAN, |[x, y]| x.max(y))),
-            series("peak at last", &|row| row.peak.unwrap_or(f64::NAN)),
-        ],
-        ..Plot::default()
-    };
+    let series = [
+        series("noise", &|row| row.noise[0].max(row.noise[1])),
+        series("scatter at first", &|row| row.scatter.map_or(f64::NAN, |[x, y]| x.max(y))),
+        series("peak at last", &|row| row.peak.unwrap_or(f64::NAN)),
+    ];
+    let title = "Noise and peak against the length of the gauge";
+    let plot = Plot::new(title, "virtual strain gauge (px)", Axis::log("strain"), series);
     let numbers: Vec<String> = drawn.iter().map(|frame| frame.number.to_string()).collect();
-    let caption = format!("The larger of exx and eyy; frames {}", numbers.join(", "));
-    Ok(Block::Curves(Curves::new(&plot, caption)?))
+    Block::curves(&plot, format!("The larger of exx and eyy; frames {}", numbers.join(", ")))
 }

@@ -4,6 +4,7 @@ use super::CorrelationReport;
 use super::gauge::median_sigma;
 use crate::field::{Elements, Noise, RegularisationKind, StrainWindow};
 use crate::report::page::{Block, Section};
+use crate::report::summary::ReferenceSummary;
 use crate::report::words::significant;
 
 /// What stands where only the user knows.
@@ -13,87 +14,51 @@ impl CorrelationReport<'_> {
     pub(super) fn guide(&self) -> Section {
         let summary = self.summary;
         let options = &self.case.correlation;
-        let reference = &summary.reference;
-        let mut facts: Vec<(String, String)> = self
-            .case
-            .report
-            .entries()
-            .into_iter()
-            .map(|(name, said)| (name.to_owned(), said.unwrap_or(BLANK).to_owned()))
-            .collect();
+        let ReferenceSummary { width_px, height_px, depth, mean_of, .. } = &summary.reference;
+        let given = self.case.report.entries().into_iter();
+        let mut facts: Vec<(String, String)> =
+            given.map(|(name, said)| (name.to_owned(), said.unwrap_or(BLANK).to_owned())).collect();
         let mut add = |name: &str, value: String| facts.push((name.to_owned(), value));
-        add(
-            "image size and depth",
-            format!("{} x {} px, {}", reference.width_px, reference.height_px, reference.depth),
-        );
-        add(
-            "field of view",
-            match self.pixel_size {
-                Some(size) => {
-                    let [w, h] =
-                        [reference.width_px, reference.height_px].map(|px| significant(size.mm_from_px(px as f64), 4));
-                    format!("{w} x {h} mm")
-                }
-                None => BLANK.to_owned(),
-            },
-        );
-        add(
-            "image scale",
-            match self.pixel_size {
-                Some(size) => format!("1 px = {} mm", significant(size.mm_per_px(), 5)),
-                None => "not given (--pixel-size)".to_owned(),
-            },
-        );
-        add(
-            "number of images",
-            format!("{} reference, {} deformed", reference.mean_of.len().max(1), summary.frames.len()),
-        );
+        add("image size and depth", format!("{width_px} x {height_px} px, {depth}"));
+        let view = self.pixel_size.map(|size| {
+            let [w, h] = [width_px, height_px].map(|&px| significant(size.mm_from_px(px as f64), 4));
+            format!("{w} x {h} mm")
+        });
+        add("field of view", view.unwrap_or(BLANK.to_owned()));
+        let scale = self.pixel_size.map(|size| format!("1 px = {} mm", significant(size.mm_per_px(), 5)));
+        add("image scale", scale.unwrap_or("not given (--pixel-size)".to_owned()));
+        let n_references = mean_of.len().max(1);
+        add("number of images", format!("{n_references} reference, {} deformed", summary.frames.len()));
         add("DIC software", format!("quadrille {}, {}", summary.quadrille, summary.device));
         add("kind of DIC", "two-dimensional, global: all nodes of a zone are solved for together".into());
         add("subset size", format!("{} (side of the elements)", self.length(self.element_px)));
         add("step size", format!("{} (distance of the nodes)", self.length(self.element_px)));
         add("subset shape function", "bilinear, continuous between elements (Q4)".into());
-        add(
-            "interpolation",
-            match options.interpolation {
-                Some(interpolation) => interpolation.name().to_owned(),
-                None => "cubic".into(),
-            },
-        );
+        add("interpolation", options.interpolation.map_or("cubic", |interpolation| interpolation.name()).to_owned());
         let brightness = options.brightness.map_or("auto".to_owned(), |brightness| brightness.to_string());
-        add(
-            "matching criterion",
-            format!(
-                "sum of squared differences with gain and offset (brightness: {brightness}); largest last correction {} px",
-                significant(summary.tolerance_in_effect_px.unwrap_or(summary.tolerance_px), 2)
-            ),
-        );
+        let tolerance = significant(summary.tolerance_in_effect_px.unwrap_or(summary.tolerance_px), 2);
+        let criterion = format!("sum of squared differences with gain and offset (brightness: {brightness})");
+        add("matching criterion", format!("{criterion}; largest last correction {tolerance} px"));
         add("image filtering", "none (coarser scales of the search are means of pixels)".into());
-        add(
-            "displacement filtering",
-            match (options.regularisation, options.cutoff_px) {
-                (Some(kind), Some(cutoff)) if kind != RegularisationKind::None => {
-                    format!("{kind} regularisation, cut-off {}", self.length(cutoff))
-                }
-                _ => match options.elements {
-                    Some(Elements::CubicSpline) => "cubic splines with a knot every two elements".into(),
-                    _ => "none".into(),
-                },
-            },
-        );
-        add(
-            "reference",
-            match options.update_reference {
-                Some(update) if update.to_string() != "never" => format!("renewed ({update}), displacements added up"),
-                _ => "the same for all frames".into(),
-            },
-        );
+        let filtering = match (options.regularisation, options.cutoff_px, options.elements) {
+            (Some(kind), Some(cutoff), _) if kind != RegularisationKind::None => {
+                format!("{kind} regularisation, cut-off {}", self.length(cutoff))
+            }
+            (_, _, Some(Elements::CubicSpline)) => "cubic splines with a knot every two elements".into(),
+            _ => "none".into(),
+        };
+        add("displacement filtering", filtering);
+        let reference = match options.update_reference {
+            Some(update) if update.to_string() != "never" => format!("renewed ({update}), displacements added up"),
+            _ => "the same for all frames".into(),
+        };
+        add("reference", reference);
         self.strain_rows(&mut add);
         self.noise_rows(&mut add);
         let text = "After the reporting requirements of the good practice guide of the International Digital Image Correlation \
                     Society. What the program cannot know is left blank: fill it in, or \
                     give it in [report] of the case file, from where the same command takes it.";
-        Section { title: "Reporting table".into(), blocks: vec![Block::Text(text.into()), Block::Facts(facts)] }
+        Section { title: "Reporting table".into(), blocks: vec![Block::text(text), Block::Facts(facts)] }
     }
 
     fn strain_rows(&self, add: &mut impl FnMut(&str, String)) {
@@ -103,10 +68,8 @@ impl CorrelationReport<'_> {
         match last.strain.window.as_ref().map(|strains| strains.window) {
             Some(window) => {
                 add("strain window", format!("{window}, plane fitted by least squares"));
-                add(
-                    "virtual strain gauge",
-                    format!("(N - 1) L_step + L_subset = {}", self.length(window.gauge_length(self.element_px))),
-                );
+                let length = self.length(window.gauge_length(self.element_px));
+                add("virtual strain gauge", format!("(N - 1) L_step + L_subset = {length}"));
             }
             None => {
                 add("strain window", "none: gradient of the shape functions at the centre of an element".into());
@@ -127,30 +90,17 @@ impl CorrelationReport<'_> {
             let mean = known.iter().sum::<f64>() / known.len() as f64;
             add("image noise", format!("{} grey levels, {from}", significant(mean, 3)));
         }
-        let Some((first, sigma)) = self.drawn.first().and_then(|frame| Some((frame, median_sigma(&frame.field)?)))
-        else {
-            return;
-        };
-        add(
-            "displacement noise floor",
-            format!(
-                "ux {}, uy {}: standard uncertainty, median of frame {}",
-                self.uncertainty(sigma[0]),
-                self.uncertainty(sigma[1]),
-                first.number
-            ),
-        );
+        let Some(first) = self.drawn.first() else { return };
+        let Some(sigma) = median_sigma(&first.field) else { return };
+        let [x, y] = sigma.map(|sigma| self.uncertainty(sigma));
+        let value = format!("ux {x}, uy {y}: standard uncertainty, median of frame {}", first.number);
+        add("displacement noise floor", value);
         let window = first.strain.window.as_ref().map(|strains| strains.window);
         let factor = window.map_or(crate::field::ELEMENT_NOISE, StrainWindow::noise);
         let [x, y] = sigma.map(|sigma| factor * sigma / self.element_px);
         let upper = if self.is_regularised() { ", were nodes not bound to each other" } else { "" };
-        add(
-            "strain noise floor",
-            format!(
-                "exx {x:.1e}, eyy {y:.1e}: standard uncertainty over the virtual strain gauge, inside{upper}; resolution \
-                     (twice that) {:.1e}",
-                2.0 * x.max(y)
-            ),
-        );
+        let resolution = format!("resolution (twice that) {:.1e}", 2.0 * x.max(y));
+        let over = "standard uncertainty over the virtual strain gauge, inside";
+        add("strain noise floor", format!("exx {x:.1e}, eyy {y:.1e}: {over}{upper}; {resolution}"));
     }
 }

@@ -1,5 +1,4 @@
-//! The report of a series of correlations: what was measured, how far it can be trusted, and what a paper must say of
-//! it.
+//! The report of a series of correlations: what was measured, how far to trust it, what a paper must say of it.
 
 mod fields;
 mod gauge;
@@ -10,7 +9,7 @@ mod warnings;
 pub use series::{SeriesPoint, along_load, turn_axes};
 
 use super::page::{Block, Page, Section};
-use super::summary::Summary;
+use super::summary::{ReferenceSummary, Summary};
 use super::words::{plain, significant};
 use super::{Backdrop, ReportError};
 use crate::field::{Curve, Measurement, StrainField};
@@ -82,22 +81,11 @@ impl CorrelationReport<'_> {
     /// # Errors
     /// A picture that cannot be drawn.
     pub fn page(&self) -> Result<Page, ReportError> {
-        let mut sections = vec![self.warnings(), self.facts()];
-        sections.push(self.fields()?);
-        sections.extend(self.series()?);
-        sections.extend(self.quantities()?);
-        sections.extend(self.gauge()?);
-        sections.push(self.guide());
-        sections.push(Section {
-            title: "Versions and hashes".into(),
-            blocks: vec![
-                Block::Text(
-                    "The same versions and files give the same numbers. run.toml beside this page has all of them."
-                        .into(),
-                ),
-                Block::Facts(self.provenance.clone()),
-            ],
-        });
+        let mut sections = vec![self.warnings(), self.facts(), self.fields()?];
+        sections.extend([self.series()?, self.quantities()?, self.gauge()?].into_iter().flatten());
+        let text = "The same versions and files give the same numbers. run.toml beside this page has all of them.";
+        let blocks = vec![Block::text(text), Block::Facts(self.provenance.clone())];
+        sections.extend([self.guide(), Section { title: "Versions and hashes".into(), blocks }]);
         let subtitle = format!(
             "{}; quadrille {}; lengths in px of the reference image, x to the right, y down",
             self.summary.reference.file, self.summary.quadrille
@@ -107,67 +95,43 @@ impl CorrelationReport<'_> {
 
     /// A length in px, and in mm where the scale is known.
     fn length(&self, px: f64) -> String {
-        match self.pixel_size {
-            Some(size) => format!("{} px = {} mm", plain(px), plain(size.mm_from_px(px))),
-            None => format!("{} px", plain(px)),
-        }
+        self.in_both(px, plain)
     }
 
     /// The same of a standard uncertainty.
     fn uncertainty(&self, px: f64) -> String {
-        match self.pixel_size {
-            Some(size) => format!("{} px = {} mm", significant(px, 3), significant(size.mm_from_px(px), 3)),
-            None => format!("{} px", significant(px, 3)),
-        }
+        self.in_both(px, |value| significant(value, 3))
+    }
+
+    fn in_both(&self, px: f64, write: impl Fn(f64) -> String) -> String {
+        let mm = self.pixel_size.map(|size| format!(" = {} mm", write(size.mm_from_px(px))));
+        format!("{} px{}", write(px), mm.unwrap_or_default())
     }
 
     fn facts(&self) -> Section {
         let summary = self.summary;
-        let reference = &summary.reference;
-        let n = summary.frames.len();
-        let size = [reference.width_px, reference.height_px];
-        let mut facts = vec![(
-            "images".to_owned(),
-            format!(
-                "{} reference and {n} deformed, {} x {} px, {}",
-                reference.mean_of.len().max(1),
-                size[0],
-                size[1],
-                reference.depth
-            ),
-        )];
+        let ReferenceSummary { width_px, height_px, depth, mean_of, .. } = &summary.reference;
+        let mut facts = Vec::new();
+        let mut add = |name: &str, value: String| facts.push((name.to_owned(), value));
+        let images = format!("{} reference and {} deformed", mean_of.len().max(1), summary.frames.len());
+        add("images", format!("{images}, {width_px} x {height_px} px, {depth}"));
         if let Some(scale) = self.pixel_size {
-            let [width, height] = size.map(|px| significant(scale.mm_from_px(px as f64), 4));
-            facts.push((
-                "scale".into(),
-                format!("1 px = {} mm; field of view {width} x {height} mm", significant(scale.mm_per_px(), 5)),
-            ));
+            let [width, height] = [width_px, height_px].map(|&px| significant(scale.mm_from_px(px as f64), 4));
+            let px = significant(scale.mm_per_px(), 5);
+            add("scale", format!("1 px = {px} mm; field of view {width} x {height} mm"));
         }
-        facts.push((
-            "elements".into(),
-            format!(
-                "bilinear, of about {}; {} elements, {} nodes",
-                self.length(self.element_px),
-                summary.n_elements,
-                summary.n_nodes
-            ),
-        ));
+        let counts = format!("{} elements, {} nodes", summary.n_elements, summary.n_nodes);
+        add("elements", format!("bilinear, of about {}; {counts}", self.length(self.element_px)));
         let statuses: Vec<String> =
             summary.counts.iter().map(|(name, n)| format!("{n} {}", name.replace('_', " "))).collect();
-        facts.push(("frames".into(), statuses.join(", ")));
+        add("frames", statuses.join(", "));
         if let Some(last) = self.sampled.last() {
-            facts.push((
-                "standard uncertainty of a nodal displacement (median)".into(),
-                format!(
-                    "ux {}, uy {}, frame {}",
-                    self.uncertainty(last.sigma_px[0]),
-                    self.uncertainty(last.sigma_px[1]),
-                    last.number
-                ),
-            ));
+            let [x, y] = last.sigma_px.map(|sigma| self.uncertainty(sigma));
+            let value = format!("ux {x}, uy {y}, frame {}", last.number);
+            add("standard uncertainty of a nodal displacement (median)", value);
         }
-        facts.push(("device".into(), summary.device.clone()));
-        facts.push(("time".into(), format!("{} s", significant(summary.seconds_total, 3))));
+        add("device", summary.device.clone());
+        add("time", format!("{} s", significant(summary.seconds_total, 3)));
         Section { title: "What was measured, and how".into(), blocks: vec![Block::Facts(facts)] }
     }
 }

@@ -3,9 +3,9 @@
 use super::gauge::median_sigma;
 use super::{CorrelationReport, POINTS, spread};
 use crate::field::{Curve, Measurement, StrainField};
-use crate::report::page::{Block, Curves, Section};
+use crate::report::page::{Block, Section};
 use crate::report::summary::FrameSummary;
-use crate::report::{Axis, Plot, PlotSeries, ReportError, Style};
+use crate::report::{Plot, PlotSeries, ReportError, Style};
 use crate::units::Px;
 
 /// Curves of quantities that are drawn, at most.
@@ -53,33 +53,18 @@ impl CorrelationReport<'_> {
             let (x, y) = thin.iter().map(|frame| (frame.number as f64, of(frame).unwrap_or(f64::NAN))).unzip();
             PlotSeries::new(name, style, x, y)
         };
-        let plot = |title: &str, y: Axis, series| Plot {
-            title: title.to_owned(),
-            x: Axis::linear("frame"),
-            y,
-            series,
-            ..Plot::default()
+        let mut blocks = Vec::new();
+        let mut draw = |title: &str, y: &str, series: Vec<PlotSeries>, caption: &str| {
+            blocks.push(Block::curves(&Plot::new(title, "frame", y, series), caption)?);
+            Ok::<_, ReportError>(())
         };
         let shift = |c: usize| move |frame: &FrameSummary| frame.rigid_motion.as_ref().map(|m| m.translation_px[c]);
-        let mut blocks = vec![
-            (
-                plot(
-                    "Rigid motion: translation",
-                    Axis::linear("translation (px)"),
-                    vec![over("x, to the right", &shift(0)), over("y, down", &shift(1))],
-                ),
-                "Of all measured nodes, at their centre",
-            ),
-            (
-                plot(
-                    "Rigid motion: rotation",
-                    Axis::linear("rotation (degrees)"),
-                    vec![over("", &|frame| frame.rigid_motion.as_ref().map(|m| m.rotation_deg))],
-                ),
-                "Positive clockwise in the image",
-            ),
-        ];
-        let of_sampled = |name: String, of: &dyn Fn(&super::SeriesPoint) -> Option<f64>| {
+        let series = vec![over("x, to the right", &shift(0)), over("y, down", &shift(1))];
+        let caption = "Of all measured nodes, at their centre";
+        draw("Rigid motion: translation", "translation (px)", series, caption)?;
+        let series = vec![over("", &|frame| frame.rigid_motion.as_ref().map(|m| m.rotation_deg))];
+        draw("Rigid motion: rotation", "rotation (degrees)", series, "Positive clockwise in the image")?;
+        let of_sampled = |name: String, of: &dyn Fn(&SeriesPoint) -> Option<f64>| {
             let points = self.sampled.iter();
             let (x, y) = points.map(|point| (point.number as f64, of(point).unwrap_or(f64::NAN))).unzip();
             PlotSeries::new(name, Style::LineAndMarkers, x, y)
@@ -97,37 +82,21 @@ impl CorrelationReport<'_> {
                 strains.push(of_sampled(name, &|point| point.strain.get(zone).copied().flatten().map(|e| e[c])));
             }
         }
-        blocks.push((
-            plot("Mean strain", Axis::linear("strain"), strains),
-            "Mean over the elements of a zone (of the first two); for a long series, some of its frames",
-        ));
+        let caption = "Mean over the elements of a zone (of the first two); for a long series, some of its frames";
+        draw("Mean strain", "strain", strains, caption)?;
         let noise = |frame: &FrameSummary| {
             let known: Vec<f64> = frame.zones.iter().map(|zone| zone.noise_grey).filter(|v| v.is_finite()).collect();
             (!known.is_empty()).then(|| (known.iter().map(|v| v * v).sum::<f64>() / known.len() as f64).sqrt())
         };
-        blocks.push((
-            plot(
-                "Residual and noise",
-                Axis::linear("grey levels"),
-                vec![over("residual, rms", &|frame| frame.residual_grey), over("noise of one image", &noise)],
-            ),
-            "With noise alone the residual is 1.2 to 1.4 times the noise of one image; where it rises, something is not \
-             followed",
-        ));
-        blocks.push((
-            plot(
-                "Standard uncertainty of a nodal displacement",
-                Axis::linear("standard uncertainty (px)"),
-                vec![
-                    of_sampled("ux".into(), &|point| Some(point.sigma_px[0])),
-                    of_sampled("uy".into(), &|point| Some(point.sigma_px[1])),
-                ],
-            ),
-            "Median over the nodes; for a long series, some of its frames",
-        ));
-        let curves = blocks.into_iter().map(|(plot, caption)| Ok(Block::Curves(Curves::new(&plot, caption)?)));
-        let curves = curves.collect::<Result<Vec<_>, ReportError>>()?;
-        Ok(Some(Section { title: "Over the series".into(), blocks: vec![Block::Grid(curves)] }))
+        let series = vec![over("residual, rms", &|frame| frame.residual_grey), over("noise of one image", &noise)];
+        let caption = "With noise alone the residual is 1.2 to 1.4 times the noise of one image; where it rises, \
+                       something is not followed";
+        draw("Residual and noise", "grey levels", series, caption)?;
+        let sigma = |c: usize| move |point: &SeriesPoint| Some(point.sigma_px[c]);
+        let series = vec![of_sampled("ux".into(), &sigma(0)), of_sampled("uy".into(), &sigma(1))];
+        let caption = "Median over the nodes; for a long series, some of its frames";
+        draw("Standard uncertainty of a nodal displacement", "standard uncertainty (px)", series, caption)?;
+        Ok(Some(Section { title: "Over the series".into(), blocks: vec![Block::Grid(blocks)] }))
     }
 
     pub(super) fn quantities(&self) -> Result<Option<Section>, ReportError> {
@@ -138,18 +107,16 @@ impl CorrelationReport<'_> {
         let mut blocks = Vec::new();
         let bound =
             if self.is_regularised() { " (upper bounds: neighbouring nodes are bound to each other)" } else { "" };
+        let bars = format!("Bars: \u{b1}2 standard uncertainties{bound}");
         for curve in curves.iter().take(CURVES) {
             let places = spread(curve.x.len(), POINTS);
             let thin = |values: &[f64]| places.iter().map(|&k| values[k]).collect::<Vec<f64>>();
             let thin = Curve { x: thin(&curve.x), y: thin(&curve.y), sigma: thin(&curve.sigma), ..(*curve).clone() };
             let (plot, caption) = match curve.is_against_load() {
-                true => (
-                    turn_axes(&thin),
-                    "x: the measured quantity; its standard uncertainty is in quantities/".to_owned(),
-                ),
-                false => (along_load(&thin), format!("Bars: \u{b1}2 standard uncertainties{bound}")),
+                true => (turn_axes(&thin), "x: the measured quantity; its standard uncertainty is in quantities/"),
+                false => (along_load(&thin), &*bars),
             };
-            blocks.push(Block::Curves(Curves::new(&plot, caption)?));
+            blocks.push(Block::curves(&plot, caption)?);
         }
         let mut section = vec![Block::Grid(blocks)];
         if curves.len() > CURVES {
@@ -180,11 +147,5 @@ fn draw_curve(curve: &Curve, series: PlotSeries, [x, y]: [(String, String); 2]) 
         "1" => name.clone(),
         unit => format!("{name} ({unit})"),
     };
-    Plot {
-        title: format!("{}: {} against {}", curve.name, y.0, x.0),
-        x: Axis::linear(label(&x)),
-        y: Axis::linear(label(&y)),
-        series: vec![series],
-        ..Plot::default()
-    }
+    Plot::new(format!("{}: {} against {}", curve.name, y.0, x.0), label(&x), label(&y), [series])
 }

@@ -37,7 +37,7 @@ impl CorrelationReport<'_> {
     pub(super) fn warnings(&self) -> Section {
         let frames = &self.summary.frames;
         let mut blocks = Vec::new();
-        let mut warn = |text: String| blocks.push(Block::Lead { text, warning: true });
+        let mut warn = |text: String| blocks.push(Block::warning(text));
         let numbers = |of: &dyn Fn(&FrameSummary) -> bool| -> Vec<usize> {
             frames.iter().filter(|frame| of(frame)).map(|frame| frame.number).collect()
         };
@@ -46,13 +46,8 @@ impl CorrelationReport<'_> {
         {
             let of_status = numbers(&|frame| frame.status == status);
             if !of_status.is_empty() {
-                warn(format!(
-                    "{} of {} frames {}: {}.",
-                    of_status.len(),
-                    frames.len(),
-                    meaning(status),
-                    list(&of_status)
-                ));
+                let (n, n_frames) = (of_status.len(), frames.len());
+                warn(format!("{n} of {n_frames} frames {}: {}.", meaning(status), list(&of_status)));
             }
         }
         if !self.summary.nodes_left_out.is_empty() {
@@ -60,26 +55,19 @@ impl CorrelationReport<'_> {
             warn(format!("{n} of {} nodes see no texture and were left out of every frame.", self.summary.n_nodes));
         }
         let off = numbers(&|frame| frame.misfit.is_some());
-        if let Some(worst) = frames
-            .iter()
-            .filter_map(|frame| Some((frame.number, frame.misfit?)))
-            .max_by(|a, b| a.1.displacement.total_cmp(&b.1.displacement))
-        {
+        let misfits = frames.iter().filter_map(|frame| Some((frame.number, frame.misfit?)));
+        if let Some((worst, misfit)) = misfits.max_by(|a, b| a.1.displacement.total_cmp(&b.1.displacement)) {
+            let (n, n_frames, off) = (off.len(), frames.len(), list(&off));
             warn(format!(
-                "In {} of {} frames the residual of some elements is beyond noise: {}. Worst is frame {}: {}.",
-                off.len(),
-                frames.len(),
-                list(&off),
-                worst.0,
-                worst.1
+                "In {n} of {n_frames} frames the residual of some elements is beyond noise: {off}. Worst is frame \
+                 {worst}: {misfit}."
             ));
         }
         blocks.extend(self.summary.remarks.iter().map(Block::of_remark));
         // Of one kind are remarks of one code on one zone.
         let mut kinds: Vec<(Vec<usize>, &Remark)> = Vec::new();
-        for (number, remark) in
-            frames.iter().flat_map(|frame| frame.remarks.iter().map(|remark| (frame.number, remark)))
-        {
+        let remarks = frames.iter().flat_map(|frame| frame.remarks.iter().map(|remark| (frame.number, remark)));
+        for (number, remark) in remarks {
             match kinds.iter_mut().find(|(_, known)| known.code == remark.code && zone(known) == zone(remark)) {
                 Some((numbers, _)) if numbers.last() == Some(&number) => {}
                 Some((numbers, _)) => numbers.push(number),

@@ -1,14 +1,14 @@
 //! The error budget in words and as a table.
 
+use super::tables::column_of;
 use super::{BudgetRecord, FitRecord, FitReport};
-use crate::report::Name;
+use crate::report::{Name, to_strings, version};
 use std::io::{self, Write};
 
 /// So many of its largest parts are named for each parameter.
 const NAMED: usize = 3;
 
-/// For each parameter the largest parts of its uncertainty, per cent of its value: `phi_n: E 2.6 %, pixel_size 0.5 %,
-/// noise 0.5 %`.
+/// The largest parts of the uncertainty of each parameter, % of its value: `phi_n: E 2.6 %, pixel_size 0.5 %`.
 pub fn budget_lines(fit: &FitRecord) -> Vec<String> {
     let largest_of = |name: &Name| {
         let value = fit.parameters.get(name)?.value.abs();
@@ -16,8 +16,8 @@ pub fn budget_lines(fit: &FitRecord) -> Vec<String> {
         let mut parts: Vec<(String, f64)> = fit.budget.iter().filter(|line| line.included).filter_map(effect).collect();
         parts.retain(|(_, effect)| *effect > 0.0);
         parts.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let named = parts.iter().take(NAMED).map(|(part, effect)| format!("{part} {:.2} %", 100.0 * effect / value));
-        let named: Vec<String> = named.collect();
+        let percent = |(part, effect): &(String, f64)| format!("{part} {:.2} %", 100.0 * effect / value);
+        let named: Vec<String> = parts.iter().take(NAMED).map(percent).collect();
         (!named.is_empty()).then(|| format!("{name}: {}", named.join(", ")))
     };
     fit.parameter_order.iter().filter_map(largest_of).collect()
@@ -28,8 +28,7 @@ fn short(value: f64) -> String {
     format!("{value:.3}").trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// The defaults that were taken for constants without a stated uncertainty, and what no default could be made for, a
-/// sentence each.
+/// The defaults for constants without a stated uncertainty, and what there is no default for, a sentence each.
 pub fn defaults_used(fit: &FitRecord) -> Vec<String> {
     let uncertainty = |line: &BudgetRecord| match (line.std, line.value) {
         (Some(std), Some(value)) if line.name == "nu" || line.name.starts_with("nu_") || value == 0.0 => {
@@ -67,16 +66,11 @@ impl FitReport<'_> {
     /// Those of `out`.
     pub fn write_budget<W: Write>(&self, mut out: W) -> io::Result<()> {
         let fit = self.fit;
-        writeln!(out, "# quadrille {}", env!("CARGO_PKG_VERSION"))?;
-        writeln!(
-            out,
-            "# error budget: effect of each standard uncertainty; lines that are included add up as squares"
-        )?;
-        let mut columns: Vec<String> = ["line", "source", "included", "value", "std", "unit"].map(str::to_owned).into();
+        let about = "error budget: effect of each standard uncertainty; lines that are included add up as squares";
+        writeln!(out, "# {}\n# {about}", version())?;
+        let mut columns = to_strings(&["line", "source", "included", "value", "std", "unit"]);
         columns.extend(fit.parameters.iter().map(|p| p.parameter.key()));
-        columns.extend(
-            fit.derived.iter().map(|q| format!("{}_{}", q.quantity.name, q.quantity.unit.replace('/', "_per_"))),
-        );
+        columns.extend(fit.derived.iter().map(|q| column_of(&q.quantity)));
         let mut out = csv::Writer::from_writer(out);
         out.write_record(&columns)?;
         let number = |value: Option<f64>| value.map_or("NaN".to_owned(), |value| format!("{value:e}"));

@@ -1,8 +1,8 @@
 //! Figures of an identification.
 
 use super::FitReport;
-use crate::identify::FitStatus;
-use crate::identify::{Iteration, NORMAL_95};
+use crate::identify::{Band, FitStatus, FittedParameter, Iteration, NORMAL_95, Profile};
+use crate::mechanics::cohesive::{Parameter, Traction};
 use crate::report::law_plot::{MODES, law_plot};
 use crate::report::{Axis, Picture, Plot, PlotSeries, ReportError, Style};
 
@@ -26,42 +26,29 @@ impl FitReport<'_> {
             let plot = law_plot(mode, curve);
             save(format!("law-{}", MODES[mode].0), plot.draw()?)?;
         }
-        for (name, label, normal) in [("tn", "T_n (MPa)", true), ("tt", "T_t (MPa)", false)] {
-            let along: Vec<f64> =
-                self.case.problem.joint.model.pair_positions().into_iter().map(|(_, along)| along).collect();
-            let series: Vec<PlotSeries> = (self.bands.iter().filter(|band| chosen.contains(&band.instant)))
-                .map(|band| {
-                    let pick = |t: &crate::mechanics::cohesive::Traction| if normal { t.normal } else { t.tangential };
-                    let [y, low, high] =
-                        [&band.traction, &band.low, &band.high].map(|list| list.iter().map(pick).collect::<Vec<f64>>());
-                    PlotSeries::new(format!("instant {}", band.instant), Style::Line, along.clone(), y)
-                        .with_limits(&low, &high)
-                })
-                .collect();
-            if series.is_empty() {
-                continue;
+        let along: Vec<f64> =
+            self.case.problem.joint.model.pair_positions().into_iter().map(|(_, along)| along).collect();
+        let components: [(&str, &str, &str, fn(&Traction) -> f64); 2] =
+            [("tn", "T_n (MPa)", "Normal", |t| t.normal), ("tt", "T_t (MPa)", "Tangential", |t| t.tangential)];
+        for (name, label, which, pick) in components {
+            let band = |band: &Band| {
+                let [y, low, high] =
+                    [&band.traction, &band.low, &band.high].map(|list| list.iter().map(pick).collect::<Vec<f64>>());
+                let series = PlotSeries::new(format!("instant {}", band.instant), Style::Line, along.clone(), y);
+                series.with_limits(&low, &high)
+            };
+            let bands = self.bands.iter().filter(|band| chosen.contains(&band.instant));
+            let title = format!("{which} traction along the joint, 95 % bands");
+            let plot = Plot::new(title, "distance along the joint (mm)", label, bands.map(band))
+                .with_note(format!("bands: {}", self.bands_hold()));
+            if !plot.series.is_empty() {
+                save(format!("{name}-bands"), plot.draw()?)?;
             }
-            let plot = Plot {
-                title: format!("{} traction along the joint, 95 % bands", if normal { "Normal" } else { "Tangential" }),
-                x: Axis::linear("distance along the joint (mm)"),
-                y: Axis::linear(label),
-                series,
-                notes: vec![format!("bands: {}", self.bands_hold())],
-                ..Plot::default()
-            };
-            save(format!("{name}-bands"), plot.draw()?)?;
         }
-        if let Some(profile) = &self.profile
-            && profile.values.len() > 1
-        {
-            let plot = Plot {
-                title: format!("Profile likelihood of {}", profile.name),
-                x: Axis::linear(profile.name),
-                y: Axis::linear("rise of the objective"),
-                series: vec![PlotSeries::new("", Style::LineAndMarkers, profile.values.clone(), profile.rise.clone())],
-                notes: vec![format!("95 % interval: where the rise is below {:.2}", NORMAL_95 * NORMAL_95)],
-                ..Plot::default()
-            };
+        if let Some(Profile { name, values, rise, .. }) = self.profile.as_ref().filter(|p| p.values.len() > 1) {
+            let series = PlotSeries::new("", Style::LineAndMarkers, values.clone(), rise.clone());
+            let plot = Plot::new(format!("Profile likelihood of {name}"), name, "rise of the objective", [series])
+                .with_note(format!("95 % interval: where the rise is below {:.2}", NORMAL_95 * NORMAL_95));
             save("profile".into(), plot.draw()?)?;
         }
         Ok(())
@@ -93,16 +80,12 @@ impl FitReport<'_> {
             series.push(PlotSeries::new("refused", Style::Markers, x_refused, y_refused));
         }
         let ended = format!("{}: {}", self.fit.status.name(), self.fit.reason);
-        let has_converged = self.fit.status == FitStatus::Converged;
-        Plot {
-            title: "Objective against evaluation".into(),
-            x: Axis::linear("evaluation"),
-            y: Axis::log("omega / last of its stage"),
-            series,
-            notes: if has_converged { vec![ended.clone()] } else { Vec::new() },
-            warnings: if has_converged { Vec::new() } else { vec![ended] },
+        let y = Axis::log("omega / last of its stage");
+        let plot = Plot::new("Objective against evaluation", "evaluation", y, series);
+        match self.fit.status {
+            FitStatus::Converged => plot.with_note(ended).draw(),
+            _ => Plot { warnings: vec![ended], ..plot }.draw(),
         }
-        .draw()
     }
 
     /// The parameters over the evaluations, relative to where they ended, with the 95 % interval at the end.
@@ -120,21 +103,12 @@ impl FitReport<'_> {
             }
             series.push(one);
         }
-        let in_words = |p: &crate::identify::FittedParameter| match p.std {
-            Some(std) => format!(
-                "{} = {:.5} \u{b1} {:.2e} {} (standard uncertainty)",
-                p.parameter.name, p.value, std, p.parameter.unit
-            ),
-            None => format!("{} = {:.5} {}", p.parameter.name, p.value, p.parameter.unit),
+        let in_words = |&FittedParameter { parameter: Parameter { name, unit, .. }, value, std, .. }: &_| match std {
+            Some(std) => format!("{name} = {value:.5} \u{b1} {std:.2e} {unit} (standard uncertainty)"),
+            None => format!("{name} = {value:.5} {unit}"),
         };
-        Plot {
-            title: "Parameters against evaluation".into(),
-            x: Axis::linear("evaluation"),
-            y: Axis::linear("value over the value at the end; band: 95 % at the end"),
-            series,
-            notes: self.fit.parameters.iter().map(in_words).collect(),
-            ..Plot::default()
-        }
-        .draw()
+        let notes = self.fit.parameters.iter().map(in_words).collect();
+        let y = "value over the value at the end; band: 95 % at the end";
+        Plot { notes, ..Plot::new("Parameters against evaluation", "evaluation", y, series) }.draw()
     }
 }

@@ -2,8 +2,8 @@
 
 use super::{FitReport, remarks};
 use crate::identify::{
-    BudgetLine, Case, CutShort, Discretisation, Fit, FitStatus, Iteration, Misfit, MisfitGroup, Outcome, Released,
-    ReleasedParameter, SweepRow, Verdict,
+    BudgetLine, Case, CutShort, Discretisation, Fit, FitStatus, FittedParameter, FittedQuantity, Iteration, Misfit,
+    MisfitGroup, Outcome, Profile, Released, ReleasedParameter, StartEnd, SweepRow, Verdict,
 };
 use crate::mechanics::Status;
 use crate::remark::Remark;
@@ -24,8 +24,7 @@ pub struct FitRecord {
     pub status: Name,
     /// In words.
     pub reason: String,
-    /// Whether a limit of time or a wish to stop ended it, or what comes after it (intervals, tests): the verdict says
-    /// what is missing.
+    /// Whether a limit of time or a wish to stop ended it or what comes after it: the verdict says what is missing.
     #[serde(default)]
     pub cut_short: bool,
     /// Time of the fit, all starts, without files.
@@ -88,8 +87,7 @@ pub struct FitRecord {
     pub released: Option<ReleasedRecord>,
     /// The error budget: what noise, each constant and the size of the elements add to the intervals.
     pub budget: Vec<BudgetRecord>,
-    /// What finite rotations would change of each parameter of a fit with small ones, to first order; without it they
-    /// are finite, or it is not known.
+    /// What finite rotations would change of each parameter of a fit with small ones, to first order, where it is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub change_by_finite_rotations: Option<BTreeMap<Name, f64>>,
     /// The load cell beside the prediction, where there is one.
@@ -98,12 +96,10 @@ pub struct FitRecord {
     /// The profile likelihood, where it was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<ProfileRecord>,
-    /// The tests of a fit of several, in the order of the case: what each tells. Parameters, budget and verdict are
-    /// those of all.
+    /// What each of several tests tells, in the order of the case. Parameters, budget and verdict are those of all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tests: Vec<TestRecord>,
-    /// Whether several tests want the same parameters; missing for one test, where the noise is not known, and where
-    /// no two tests tell the same.
+    /// Whether several tests want the same parameters; missing where the noise is not known or no two tell the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub consistency: Option<ConsistencyRecord>,
     /// What a user should look at.
@@ -262,8 +258,7 @@ pub struct IterationRecord {
     /// The run of the minimiser that it belongs to, from 1: each has weights of its own.
     pub stage: usize,
     /// The parameters.
-    #[serde(rename = "X")]
-    #[serde(deserialize_with = "numbers")]
+    #[serde(rename = "X", deserialize_with = "numbers")]
     pub x: Vec<f64>,
     /// The objective under the weights of its stage; null where the forward model failed.
     pub omega: Option<f64>,
@@ -364,14 +359,9 @@ pub struct GroupRecord {
 
 impl GroupRecord {
     fn all(groups: &[MisfitGroup]) -> Vec<Self> {
-        let record = |group: &MisfitGroup| Self {
-            name: group.name.clone(),
-            instants: group.instants,
-            n: group.n,
-            times_expected: group.ratio,
-            z: group.z,
-        };
-        groups.iter().map(record).collect()
+        let record =
+            |MisfitGroup { name, instants, n, ratio: times_expected, z }| Self { name, instants, n, times_expected, z };
+        groups.iter().cloned().map(record).collect()
     }
 }
 
@@ -436,15 +426,12 @@ pub struct ReleasedParameterRecord {
 
 impl ReleasedRecord {
     fn of(released: &Released) -> Self {
-        let parameter = |p: &ReleasedParameter| {
-            (p.name.into(), ReleasedParameterRecord { prescribed: p.prescribed, value: p.value, std: p.std })
+        let &Released { gain, limit, converged, .. } = released;
+        let parameter = |&ReleasedParameter { name, prescribed, value, std }: &ReleasedParameter| {
+            (name.into(), ReleasedParameterRecord { prescribed, value, std })
         };
-        Self {
-            omega_falls_by: released.gain,
-            limit: released.limit,
-            converged: released.converged,
-            parameters: released.parameters.iter().map(parameter).collect(),
-        }
+        let parameters = released.parameters.iter().map(parameter).collect();
+        Self { omega_falls_by: gain, limit, converged, parameters }
     }
 }
 
@@ -471,22 +458,19 @@ pub struct BudgetRecord {
 
 impl BudgetRecord {
     fn list(fit: &Fit) -> Vec<Self> {
-        let record = |line: &BudgetLine| Self {
-            name: line.name.clone(),
-            source: line.source.name().into(),
-            value: line.value,
-            std: line.std,
-            unit: line.unit.into(),
-            included: line.included,
-            parameters: fit
-                .parameters
-                .iter()
-                .map(|p| p.parameter.name.into())
-                .zip(line.parameters.iter().copied())
-                .collect(),
-            derived: fit.derived.iter().map(|q| q.quantity.name.into()).zip(line.derived.iter().copied()).collect(),
+        let names = || fit.parameters.iter().map(|p| p.parameter.name.into());
+        let derived_names = || fit.derived.iter().map(|q| q.quantity.name.into());
+        let record = |BudgetLine { name, source, value, unit, std, included, parameters, derived }| Self {
+            name,
+            source: source.name().into(),
+            value,
+            std,
+            unit: unit.into(),
+            included,
+            parameters: names().zip(parameters).collect(),
+            derived: derived_names().zip(derived).collect(),
         };
-        fit.budget.lines.iter().map(record).collect()
+        fit.budget.lines.iter().cloned().map(record).collect()
     }
 }
 
@@ -544,8 +528,8 @@ impl SweepRecord {
 }
 
 fn parameters(fit: &Fit) -> BTreeMap<Name, ParameterRecord> {
-    let record = |p: &crate::identify::FittedParameter| {
-        let json = ParameterRecord {
+    let record = |p: &FittedParameter| {
+        let record = ParameterRecord {
             value: p.value,
             unit: p.parameter.unit.into(),
             meaning: p.parameter.meaning.into(),
@@ -562,20 +546,16 @@ fn parameters(fit: &Fit) -> BTreeMap<Name, ParameterRecord> {
             upper: p.bounds[1],
             at_bound: p.at_bound,
         };
-        (p.parameter.name.into(), json)
+        (p.parameter.name.into(), record)
     };
     fit.parameters.iter().map(record).collect()
 }
 
 fn quantities(fit: &Fit) -> BTreeMap<Name, QuantityRecord> {
-    let record = |q: &crate::identify::FittedQuantity| {
-        let (value, unit, std, std_noise) = (q.quantity.value, q.quantity.unit, q.std, q.std_noise);
-        let (discretisation, interval95) = (q.discretisation, q.interval95);
-        let (ends95, bias) = (q.ends95, q.bias);
-        (
-            q.quantity.name.into(),
-            QuantityRecord { value, unit: unit.into(), std, std_noise, discretisation, interval95, ends95, bias },
-        )
+    let record = |&FittedQuantity { quantity, std, std_noise, discretisation, interval95, ends95, bias }: &_| {
+        let (value, unit) = (quantity.value, quantity.unit.into());
+        let record = QuantityRecord { value, unit, std, std_noise, discretisation, interval95, ends95, bias };
+        (quantity.name.into(), record)
     };
     fit.derived.iter().map(record).collect()
 }
@@ -622,14 +602,29 @@ impl FitReport<'_> {
             (0..m.n_rows()).map(|r| (0..m.n_columns()).map(|c| m[(r, c)]).collect()).collect()
         };
         let statistics = fit.statistics.as_ref();
-        let iteration = |i: &Iteration| IterationRecord {
-            stage: i.stage,
-            x: i.z.clone(),
-            omega: i.omega,
-            radius: i.radius,
-            accepted: i.accepted,
-            rescued: i.rescued,
+        let iteration = |Iteration { stage, z: x, omega, radius, accepted, rescued }| IterationRecord {
+            stage,
+            x,
+            omega,
+            radius,
+            accepted,
+            rescued,
         };
+        let start = |StartEnd { start, end, omega, status, evaluations, rescued, .. }| StartRecord {
+            start,
+            end,
+            omega,
+            status: status.name().into(),
+            evaluations,
+            rescued,
+        };
+        let profile = |Profile { name, values, rise, interval95 }| ProfileRecord {
+            parameter: name.into(),
+            values,
+            rise,
+            interval95,
+        };
+        let change = fit.rotations.as_ref().and_then(|rotations| rotations.change.as_ref());
         FitRecord {
             quadrille: env!("CARGO_PKG_VERSION").into(),
             case,
@@ -654,7 +649,7 @@ impl FitReport<'_> {
                 .map(|(p, value)| (p.name.into(), *value))
                 .collect(),
             discretisation: options.discretisation.name().into(),
-            parameter_order: names,
+            parameter_order: names.clone(),
             derived: quantities(fit),
             intervals: fit.intervals.as_ref().map(|basis| IntervalsRecord {
                 kind: basis.kind.name().into(),
@@ -676,32 +671,17 @@ impl FitReport<'_> {
             rescued: fit.rescued,
             rescued_at_end: self.is_rescued_at_end(),
             largest_boundary_correction_mm: fit.largest_correction,
-            history: fit.history.iter().map(iteration).collect(),
-            starts: (fit.starts.iter())
-                .map(|s| StartRecord {
-                    start: s.start.clone(),
-                    end: s.end.clone(),
-                    omega: s.omega,
-                    status: s.status.name().into(),
-                    evaluations: s.evaluations,
-                    rescued: s.rescued,
-                })
-                .collect(),
+            history: fit.history.iter().cloned().map(iteration).collect(),
+            starts: fit.starts.iter().cloned().map(start).collect(),
             agreement: self.agreement(),
             verdict: VerdictRecord::of(&fit.verdict),
             misfit: fit.misfit.as_ref().map(MisfitRecord::of),
             released: fit.released.as_ref().map(ReleasedRecord::of),
             budget: BudgetRecord::list(fit),
-            change_by_finite_rotations: (fit.rotations.as_ref()).and_then(|rotations| rotations.change.as_ref()).map(
-                |change| fit.parameters.iter().map(|p| p.parameter.name.into()).zip(change.iter().copied()).collect(),
-            ),
+            change_by_finite_rotations: change
+                .map(|change| names.iter().cloned().zip(change.iter().copied()).collect()),
             force: self.force.clone(),
-            profile: self.profile.as_ref().map(|p| ProfileRecord {
-                parameter: p.name.into(),
-                values: p.values.clone(),
-                rise: p.rise.clone(),
-                interval95: p.interval95,
-            }),
+            profile: self.profile.clone().map(profile),
             tests: Vec::new(),
             consistency: None,
             remarks: self.remarks(),

@@ -16,9 +16,10 @@ pub use json::{
 };
 pub use sensitivity::{JointSensitivity, LawSensitivity, read_joint_sensitivities, read_law_sensitivities};
 pub use several::{several_json, write_tests};
+pub(super) use several_page::misfit_plot;
 pub use several_page::several_page;
-pub(super) use tables::rows_of;
 pub use tables::{Banded, LawRows, TractionRows, read_bands, read_law, write_sweep};
+pub(super) use tables::{law_rows, notes, rows_of};
 
 use super::ForceRecord;
 use crate::identify::{Band, Case, CurveBand, Fit, FitError, LoadCell, Profile, bands, curve_bands};

@@ -1,10 +1,10 @@
-//! What a small change of each parameter does to the law and along the joint: `law-sensitivities.csv`,
-//! `joint-sensitivities.csv`.
+//! What a small change of each parameter does to law and joint: `law-sensitivities.csv`, `joint-sensitivities.csv`.
 
 use super::FitReport;
-use super::tables::{names, notes, rows_of};
+use super::tables::{notes, rows_of};
 use crate::io::joint::{JointFileError, write_table};
 use crate::mechanics::cohesive::{CohesiveLaw, Traction};
+use crate::report::to_strings;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -46,7 +46,7 @@ impl FitReport<'_> {
     /// Those of `out`.
     pub fn write_law_sensitivities<W: Write>(&self, out: W) -> io::Result<()> {
         let (law, unknowns) = (self.law()?, self.case.problem.unknowns.list());
-        let mut columns = names(&["mode", "point", "jump_mm"]);
+        let mut columns = to_strings(&["mode", "point", "jump_mm"]);
         columns.extend(self.keys().iter().map(|key| format!("traction_MPa_by_{key}")));
         let mut rows = Vec::new();
         for (mode, curve) in (1u64..).zip(&self.curves) {
@@ -73,7 +73,7 @@ impl FitReport<'_> {
         let (law, problem) = (self.law()?, &self.case.problem);
         let model = &problem.joint.model;
         let unknowns = problem.unknowns.list();
-        let mut columns = names(&[&["instant", "lower_node", "upper_node", "along_mm"][..], &OF_PAIR].concat());
+        let mut columns = to_strings(&[&["instant", "lower_node", "upper_node", "along_mm"][..], &OF_PAIR].concat());
         columns.extend(self.keys().iter().flat_map(|key| OF_PAIR.map(|value| format!("{value}_by_{key}"))));
         let along: Vec<f64> = model.pair_positions().into_iter().map(|(_, along)| along).collect();
         let mut rows = Vec::new();

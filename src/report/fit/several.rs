@@ -4,7 +4,7 @@ use super::FitReport;
 use super::json::{ConsistencyRecord, FitRecord, MisfitRecord, TestParameterRecord, TestRecord};
 use crate::identify::{CombinedCase, CombinedFit, Consistency, TestFit};
 use crate::io::joint::write_table;
-use crate::report::Name;
+use crate::report::{Name, to_strings, version};
 use std::io::{self, Write};
 
 /// What `fit.json` holds of a fit of several tests, whose `reports` are those of each; the fit of the case file `path`
@@ -35,18 +35,14 @@ pub fn several_json(
         (fit.tests.iter().zip(&records).zip(reports)).map(|((t, r), p)| test(t, r, p)).collect();
     let mut record = records.swap_remove(0);
     let sum = |of: fn(&TestRecord) -> usize| tests.iter().map(of).sum::<usize>();
-    let names: Vec<&str> = tests.iter().map(|test| test.name.as_str()).collect();
-    record.measurement.about = format!("{} tests: {}", names.len(), names.join(", "));
     record.measurement.nodes = sum(|test| test.measurement.nodes);
     record.measurement.data = sum(|test| test.measurement.data);
     record.measurement.instants = Vec::new();
-    for (of_all, of_test) in [
-        (&mut record.measurement.noise, (|test| test.measurement.noise.clone()) as fn(&TestRecord) -> String),
-        (&mut record.measurement.about, |test| test.measurement.about.clone()),
-    ] {
-        let each: Vec<String> = tests.iter().map(|test| format!("{}: {}", test.name, of_test(test))).collect();
-        *of_all = each.join("; ");
-    }
+    let of_each = |of: fn(&TestRecord) -> &str| -> String {
+        tests.iter().map(|test| format!("{}: {}", test.name, of(test))).collect::<Vec<_>>().join("; ")
+    };
+    record.measurement.noise = of_each(|test| &test.measurement.noise);
+    record.measurement.about = of_each(|test| &test.measurement.about);
     let mixed = |of: fn(&TestRecord) -> &Name| -> Name {
         let first = of(&tests[0]);
         if tests.iter().all(|test| of(test) == first) { first.clone() } else { "of each test".into() }
@@ -104,12 +100,11 @@ pub fn write_tests<W: Write>(out: W, fit: &CombinedFit) -> io::Result<()> {
     let names: Vec<String> =
         (1..).zip(&fit.tests).map(|(k, test): (usize, _)| format!("{k} = {}", test.share.name)).collect();
     let notes = [
-        format!("quadrille {}", env!("CARGO_PKG_VERSION")),
+        version(),
         format!("several tests, one law: {}", names.join(", ")),
         "standard uncertainties by the noise: of all tests, of one alone, of all others without it".to_owned(),
     ];
-    let mut columns: Vec<String> =
-        ["test", "data", "adds_nothing", "omega", "misfit_z", "opening_share"].map(str::to_owned).into();
+    let mut columns = to_strings(&["test", "data", "adds_nothing", "omega", "misfit_z", "opening_share"]);
     for p in &fit.fit().parameters {
         let key = p.parameter.key();
         columns.extend(["std", "std_alone", "std_without"].map(|what| format!("{key}_{what}")));

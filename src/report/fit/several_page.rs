@@ -1,11 +1,11 @@
 //! The page of a fit of several tests: what was found, what each test tells of it, how far they agree.
 
-use super::json::{FitRecord, TestRecord};
+use super::json::{FitRecord, MisfitRecord, TestRecord};
 use super::{FitReport, budget_lines, defaults_used};
 use crate::report::law_plot::law_plot;
-use crate::report::page::{Block, Curves, Page, Section};
+use crate::report::page::{Block, Page, Section};
 use crate::report::words::{capital, significant};
-use crate::report::{Axis, Name, Plot, PlotSeries, ReportError, Style};
+use crate::report::{Axis, Name, Plot, PlotSeries, ReportError, Style, to_strings};
 
 /// The page of `record`, made from the `reports` of its tests.
 ///
@@ -20,10 +20,6 @@ pub fn several_page(record: &FitRecord, reports: &[FitReport<'_>]) -> Result<Pag
     })
 }
 
-fn columns(names: &[&str]) -> Vec<String> {
-    names.iter().map(|&name| name.to_owned()).collect()
-}
-
 /// A standard uncertainty by its value.
 fn percent(std: Option<f64>, value: f64) -> String {
     match std.map(|std| 100.0 * std / value.abs()) {
@@ -36,13 +32,12 @@ fn percent(std: Option<f64>, value: f64) -> String {
 fn result(record: &FitRecord) -> Section {
     let mut blocks = Vec::new();
     if record.status != "converged" {
-        let text = format!("The fit did not converge ({}): {}.", record.status, record.reason);
-        blocks.push(Block::Lead { text, warning: true });
+        blocks.push(Block::warning(format!("The fit did not converge ({}): {}.", record.status, record.reason)));
     }
     if let Some((first, rest)) = record.verdict.sentences.split_first() {
         let text = format!("Verdict: {}. {}.", record.verdict.outcome, capital(first));
         blocks.push(Block::Lead { text, warning: !record.verdict.determined });
-        blocks.extend(rest.iter().map(|line| Block::Text(format!("{}.", capital(line)))));
+        blocks.extend(rest.iter().map(|line| Block::sentence(line)));
     }
     let rows = record.parameter_order.iter().filter_map(|name| {
         let p = record.parameters.get(name)?;
@@ -55,15 +50,13 @@ fn result(record: &FitRecord) -> Section {
             format!("{} to {}", end(p.ends95[0]), end(p.ends95[1])),
         ])
     });
-    blocks.push(Block::Table {
-        columns: columns(&["parameter", "value", "standard uncertainty", "of the noise alone", "95 % interval"]),
-        rows: rows.collect(),
-    });
+    let columns = ["parameter", "value", "standard uncertainty", "of the noise alone", "95 % interval"];
+    blocks.push(Block::table(&columns, rows));
     let parts = budget_lines(record);
     if !parts.is_empty() {
         blocks.push(Block::Text(format!("Largest standard uncertainties: {}.", parts.join("; "))));
     }
-    blocks.extend(defaults_used(record).iter().map(|line| Block::Text(format!("{}.", capital(line)))));
+    blocks.extend(defaults_used(record).iter().map(|line| Block::sentence(line)));
     Section { title: "Result".into(), blocks }
 }
 
@@ -73,12 +66,11 @@ fn unit(unit: &str) -> &str {
 
 /// What each test determines.
 fn tests(record: &FitRecord) -> Result<Section, ReportError> {
-    let mut blocks = vec![Block::Text(
+    let mut blocks = vec![Block::text(
         "Standard uncertainty of each parameter by the noise: of each test if it were alone, from its own information at the \
-         parameters found, of the others without it, and of all together."
-            .into(),
+         parameters found, of the others without it, and of all together.",
     )];
-    let mut heads = columns(&["test"]);
+    let mut heads = to_strings(&["test"]);
     heads.extend(record.parameter_order.iter().map(ToString::to_string));
     let row = |name: String, std: &dyn Fn(&Name) -> Option<f64>| {
         let cell = |p: &Name| percent(std(p), record.parameters.get(p).map_or(f64::NAN, |p| p.value));
@@ -107,29 +99,14 @@ fn tests(record: &FitRecord) -> Result<Section, ReportError> {
             misfit.filter(|misfit| misfit.tested).map_or("not tested".into(), |misfit| format!("{:+.1}", misfit.z)),
         ]
     });
-    blocks.push(Block::Table {
-        columns: columns(&["test", "compared", "opening in its work", "omega", "above what is expected", "z"]),
-        rows: rows.collect(),
-    });
+    let columns = ["test", "compared", "opening in its work", "omega", "above what is expected", "z"];
+    blocks.push(Block::table(&columns, rows));
     let mut curves = Vec::new();
     for test in &record.tests {
         let Some(misfit) = test.misfit.as_ref().filter(|misfit| !misfit.by_instant.is_empty()) else { continue };
-        let ratio: Vec<f64> = misfit.by_instant.iter().map(|group| group.times_expected).collect();
-        let highest = 1.3 * ratio.iter().fold(1.0, |most: f64, v| most.max(*v));
-        let plot = Plot {
-            title: format!("{}: measured less computed, over what is expected", test.name),
-            x: Axis::linear("instant"),
-            y: Axis::linear("root mean square (times expected)").with_range(0.0, highest),
-            series: vec![PlotSeries::new(
-                "",
-                Style::LineAndMarkers,
-                misfit.by_instant.iter().map(|group| group.instants[0] as f64).collect(),
-                ratio,
-            )],
-            ..Plot::default()
-        };
+        let plot = misfit_plot(format!("{}: measured less computed, over what is expected", test.name), misfit);
         let caption = "The residual of every instant over its expectation: 1 is what noise and element size leave";
-        curves.push(Block::Curves(Curves::new(&plot, caption)?));
+        curves.push(Block::curves(&plot, caption)?);
     }
     blocks.push(Block::Grid(curves));
     blocks.push(Block::Text(match &record.consistency {
@@ -145,15 +122,21 @@ fn tests(record: &FitRecord) -> Result<Section, ReportError> {
     Ok(Section { title: "What each test determines".into(), blocks })
 }
 
+/// The residual of every instant over its expectation.
+pub(in crate::report) fn misfit_plot(title: impl Into<String>, misfit: &MisfitRecord) -> Plot {
+    let (place, ratio): (Vec<f64>, Vec<f64>) =
+        misfit.by_instant.iter().map(|group| (group.instants[0] as f64, group.times_expected)).unzip();
+    let highest = 1.3 * ratio.iter().fold(1.0, |most: f64, v| most.max(*v));
+    let y = Axis::linear("root mean square (times expected)").with_range(0.0, highest);
+    Plot::new(title, "instant", y, [PlotSeries::new("", Style::LineAndMarkers, place, ratio)])
+}
+
 /// The law with its band, in both modes.
 fn law(reports: &[FitReport<'_>]) -> Result<Section, ReportError> {
-    let mut blocks = Vec::new();
-    for (mode, curve) in reports.first().map_or(&[][..], |report| &report.curves[..]).iter().enumerate() {
-        let plot = law_plot(mode, curve);
-        let caption = "The law that is fitted to all tests, with its 95 % band";
-        blocks.push(Block::Curves(Curves::new(&plot, caption)?));
-    }
-    Ok(Section { title: "The law".into(), blocks: vec![Block::Grid(blocks)] })
+    let curves = reports.iter().take(1).flat_map(|report| report.curves.iter().enumerate());
+    let caption = "The law that is fitted to all tests, with its 95 % band";
+    let blocks = curves.map(|(mode, curve)| Block::curves(&law_plot(mode, curve), caption));
+    Ok(Section { title: "The law".into(), blocks: vec![Block::Grid(blocks.collect::<Result<_, _>>()?)] })
 }
 
 fn remarks(record: &FitRecord) -> Section {

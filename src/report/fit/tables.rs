@@ -1,8 +1,9 @@
 //! Tables of an identification.
 
 use super::FitReport;
-use crate::identify::SweepRow;
+use crate::identify::{CurveBand, Derived, FitStatus, SweepRow};
 use crate::io::joint::{JointFileError, read_table, write_table};
+use crate::report::{to_strings, version};
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -12,13 +13,14 @@ const TRACTIONS: [&str; 8] =
 /// Columns of the law's traction.
 const LAW: [&str; 4] = ["traction_MPa", "std_MPa", "low95_MPa", "high95_MPa"];
 
-pub(super) fn notes(what: &str) -> [String; 2] {
-    let version = format!("quadrille {}", env!("CARGO_PKG_VERSION"));
-    [version, format!("{what}; mm, MPa; y up; nodes from 0, instants from 1")]
+/// The column of a derived quantity, with its unit.
+pub(super) fn column_of(quantity: &Derived) -> String {
+    format!("{}_{}", quantity.name, quantity.unit.replace('/', "_per_"))
 }
 
-pub(super) fn names(columns: &[&str]) -> Vec<String> {
-    columns.iter().map(|&name| name.to_owned()).collect()
+/// What stands above a table of a joint.
+pub(in crate::report) fn notes(what: &str) -> [String; 2] {
+    [version(), format!("{what}; mm, MPa; y up; nodes from 0, instants from 1")]
 }
 
 impl FitReport<'_> {
@@ -27,9 +29,9 @@ impl FitReport<'_> {
     /// # Errors
     /// Those of `out`.
     pub fn write_history<W: Write>(&self, out: W) -> io::Result<()> {
-        let mut columns = names(&["evaluation", "stage", "accepted", "rescued"]);
+        let mut columns = to_strings(&["evaluation", "stage", "accepted", "rescued"]);
         columns.extend(self.fit.parameters.iter().map(|p| p.parameter.key()));
-        columns.extend(names(&["omega", "radius"]));
+        columns.extend(to_strings(&["omega", "radius"]));
         let rows = (1u64..).zip(&self.fit.history).map(|(k, i)| {
             let mut values = i.z.clone();
             values.extend([i.omega.unwrap_or(f64::NAN), i.radius]);
@@ -43,7 +45,7 @@ impl FitReport<'_> {
     /// # Errors
     /// Those of `out`.
     pub fn write_bands<W: Write>(&self, out: W) -> io::Result<()> {
-        let columns = names(&[&["instant", "lower_node", "upper_node", "along_mm"][..], &TRACTIONS].concat());
+        let columns = to_strings(&[&["instant", "lower_node", "upper_node", "along_mm"][..], &TRACTIONS].concat());
         let model = &self.case.problem.joint.model;
         let along: Vec<f64> = model.pair_positions().into_iter().map(|(_, along)| along).collect();
         let rows = self.bands.iter().flat_map(|band| {
@@ -64,18 +66,22 @@ impl FitReport<'_> {
     /// # Errors
     /// Those of `out`.
     pub fn write_law<W: Write>(&self, out: W) -> io::Result<()> {
-        let columns = names(&[&["mode", "point", "jump_mm"][..], &LAW].concat());
-        let rows = (1u64..).zip(&self.curves).flat_map(|(mode, curve)| {
-            let row = move |k: usize| {
-                let jump = curve.jumps[k].normal + curve.jumps[k].tangential;
-                let values = vec![jump, curve.traction[k], curve.std[k], curve.low[k], curve.high[k]];
-                (vec![mode, k as u64], values)
-            };
-            (0..curve.jumps.len()).map(row)
-        });
+        let columns = to_strings(&[&["mode", "point", "jump_mm"][..], &LAW].concat());
         let about = "traction of the fitted law in pure opening (1) and pure sliding (2), with its 95 % band";
-        write_table(out, &notes(about), &columns, rows)
+        write_table(out, &notes(about), &columns, law_rows(&self.curves))
     }
+}
+
+/// The rows of a law: mode and point; jump, traction, its standard uncertainty, the ends of its band.
+pub(in crate::report) fn law_rows(curves: &[CurveBand; 2]) -> impl Iterator<Item = (Vec<u64>, Vec<f64>)> {
+    (1u64..).zip(curves).flat_map(|(mode, curve)| {
+        let row = move |k: usize| {
+            let jump = curve.jumps[k].normal + curve.jumps[k].tangential;
+            let values = vec![jump, curve.traction[k], curve.std[k], curve.low[k], curve.high[k]];
+            (vec![mode, k as u64], values)
+        };
+        (0..curve.jumps.len()).map(row)
+    })
 }
 
 /// Values along a curve with their uncertainty, as the tables hold them.
@@ -170,16 +176,11 @@ pub(in crate::report) fn rows_of(path: &Path, names: &[&str]) -> Result<Vec<Vec<
 /// # Errors
 /// Those of `out`.
 pub fn write_sweep<W: Write>(out: W, name: &str, rows: &[SweepRow]) -> io::Result<()> {
-    let mut columns = names(&["row", "converged", "rescued"]);
+    let mut columns = to_strings(&["row", "converged", "rescued"]);
     columns.push(name.to_owned());
     if let Some(row) = rows.first() {
-        for p in &row.fit.parameters {
-            columns.extend([p.parameter.key(), format!("{}_std", p.parameter.key())]);
-        }
-        for q in &row.fit.derived {
-            let unit = q.quantity.unit.replace('/', "_per_");
-            columns.extend([format!("{}_{unit}", q.quantity.name), format!("{}_{unit}_std", q.quantity.name)]);
-        }
+        columns.extend(row.fit.parameters.iter().map(|p| p.parameter.key()).flat_map(|p| [p.clone(), p + "_std"]));
+        columns.extend(row.fit.derived.iter().map(|q| column_of(&q.quantity)).flat_map(|q| [q.clone(), q + "_std"]));
     }
     columns.push("omega".to_owned());
     let rows = (1u64..).zip(rows).map(|(k, row)| {
@@ -187,7 +188,7 @@ pub fn write_sweep<W: Write>(out: W, name: &str, rows: &[SweepRow]) -> io::Resul
         row.fit.parameters.iter().for_each(|p| values.extend([p.value, p.std.unwrap_or(f64::NAN)]));
         row.fit.derived.iter().for_each(|q| values.extend([q.quantity.value, q.std.unwrap_or(f64::NAN)]));
         values.push(row.fit.omega);
-        let converged = row.fit.status == crate::identify::FitStatus::Converged;
+        let converged = row.fit.status == FitStatus::Converged;
         (vec![k, u64::from(converged), row.fit.rescued as u64], values)
     });
     write_table(out, &notes("one parameter prescribed, the others fitted"), &columns, rows)

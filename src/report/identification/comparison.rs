@@ -4,8 +4,9 @@ use super::{IdentificationReport, choose_instants};
 use crate::field::Measurement;
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::Jump;
-use crate::report::fit::{Banded, LawRows};
-use crate::report::page::{Block, Curves, Section};
+use crate::report::fit::Banded;
+use crate::report::law_plot::mode_plot;
+use crate::report::page::{Block, Section};
 use crate::report::words::significant;
 use crate::report::{Axis, Plot, PlotSeries, ReportError, Style};
 use crate::units::{PixelSize, Px, Vector};
@@ -50,13 +51,13 @@ impl IdentificationReport<'_> {
     }
 
     pub(super) fn comparison(&self) -> Result<Section, ReportError> {
-        let mut blocks = vec![Block::Text(
+        let mut blocks = vec![Block::text(
             "Jumps across the adhesive, upper minus lower face. Points: measured, with two standard uncertainties. Lines: computed with the law above, \
-             the measured displacement of the outer border prescribed."
-                .into(),
+             the measured displacement of the outer border prescribed.",
         )];
         let model = &self.joint.model;
-        let (pairs, positions) = (model.mesh().pairs(), model.pair_positions());
+        let pairs = model.mesh().pairs();
+        let positions: Vec<f64> = model.pair_positions().into_iter().map(|(_, along)| along).collect();
         let normals = model.pair_normals();
         let mut curves = Vec::new();
         for (title, label) in [("Opening", "opening (\u{b5}m)"), ("Sliding", "sliding (\u{b5}m)")] {
@@ -68,17 +69,13 @@ impl IdentificationReport<'_> {
             for at in self.drawn_instants() {
                 let u = &self.computed[at];
                 let line = |k: usize| 1e3 * along_axis(k, u[pairs[k][0] as usize], u[pairs[k][1] as usize]);
-                let along: Vec<f64> = positions.iter().map(|(_, along)| *along).collect();
-                series.push(PlotSeries::new(
-                    self.name_of(at),
-                    Style::Line,
-                    along,
-                    (0..pairs.len()).map(line).collect(),
-                ));
+                let line = (0..pairs.len()).map(line).collect();
+                series.push(PlotSeries::new(self.name_of(at), Style::Line, positions.clone(), line));
             }
-            for at in self.drawn_instants() {
+            // In the colour of its line.
+            for (colour, at) in self.drawn_instants().into_iter().enumerate() {
                 let (mut x, mut y, mut half) = (Vec::new(), Vec::new(), Vec::new());
-                for (k, (&[lower, upper], (_, along))) in pairs.iter().zip(&positions).enumerate() {
+                for (k, (&[lower, upper], along)) in pairs.iter().zip(&positions).enumerate() {
                     let both = [lower, upper].map(|node| self.measured_displacement(at, node as usize));
                     if let [Some(below), Some(above)] = both {
                         let sigma = |node: u32| {
@@ -90,21 +87,12 @@ impl IdentificationReport<'_> {
                         half.push(2e3 * sigma(lower).hypot(sigma(upper)));
                     }
                 }
-                // The colour of its line.
-                let colour = Some(self.drawn_instants().iter().position(|&other| other == at).unwrap_or(0));
-                series.push(PlotSeries {
-                    colour,
-                    ..PlotSeries::new(String::new(), Style::Markers, x, y).with_band(half)
-                });
+                let points = PlotSeries::new("", Style::Markers, x, y).with_band(half);
+                series.push(PlotSeries { colour: Some(colour), ..points });
             }
-            let plot = Plot {
-                title: format!("{title} along the joint, measured and computed"),
-                x: Axis::linear("distance along the joint (mm)"),
-                y: Axis::linear(label),
-                series,
-                ..Plot::default()
-            };
-            curves.push(Block::Curves(Curves::new(&plot, format!("{title}: points measured, lines computed"))?));
+            let about = format!("{title} along the joint, measured and computed");
+            let plot = Plot::new(about, "distance along the joint (mm)", label, series);
+            curves.push(Block::curves(&plot, format!("{title}: points measured, lines computed"))?);
         }
         blocks.push(Block::Grid(curves));
         let (mut instant, mut off, mut noise) = (Vec::new(), Vec::new(), Vec::new());
@@ -129,19 +117,16 @@ impl IdentificationReport<'_> {
             }
         }
         if !instant.is_empty() {
-            let plot = Plot {
-                title: "Measured less computed displacement, all free nodes".into(),
-                x: Axis::linear("frame"),
-                y: Axis::linear("root mean square (px)")
-                    .with_range(0.0, 1.3 * off.iter().chain(&noise).fold(1e-6, |most: f64, v| most.max(*v))),
-                series: vec![
-                    PlotSeries::new("measured less computed", Style::LineAndMarkers, instant.clone(), off),
-                    PlotSeries::new("uncertainty of the measurement", Style::Dashed, instant, noise),
-                ],
-                ..Plot::default()
-            };
-            let caption = "A line that rises far above the uncertainty shows that the model does not follow the joint; a little above it is the noise of the prescribed border";
-            blocks.push(Block::Grid(vec![Block::Curves(Curves::new(&plot, caption)?)]));
+            let highest = 1.3 * off.iter().chain(&noise).fold(1e-6, |most: f64, v| most.max(*v));
+            let y = Axis::linear("root mean square (px)").with_range(0.0, highest);
+            let series = [
+                PlotSeries::new("measured less computed", Style::LineAndMarkers, instant.clone(), off),
+                PlotSeries::new("uncertainty of the measurement", Style::Dashed, instant, noise),
+            ];
+            let plot = Plot::new("Measured less computed displacement, all free nodes", "frame", y, series);
+            let caption = "A line that rises far above the uncertainty shows that the model does not follow the joint; \
+                           a little above it is the noise of the prescribed border";
+            blocks.push(Block::Grid(vec![Block::curves(&plot, caption)?]));
         }
         Ok(Section { title: "Measured against computed displacement".into(), blocks })
     }
@@ -151,36 +136,22 @@ impl IdentificationReport<'_> {
         let along: Vec<f64> = model.pair_positions().into_iter().map(|(_, along)| along).collect();
         let mut curves = Vec::new();
         for (c, title, label) in [(0, "Normal", "T_n (MPa)"), (1, "Tangential", "T_t (MPa)")] {
-            let mut series = Vec::new();
-            for at in self.drawn_instants() {
-                let one = match self.bands.iter().find(|band| band.instant == at + 1) {
-                    Some(band) => {
-                        let Banded { value, low, high, .. } = &band.tractions[c];
-                        PlotSeries::new(self.name_of(at), Style::Line, band.along_mm.clone(), value.clone())
-                            .with_limits(low, high)
-                    }
-                    None => {
-                        let values = model.tractions(self.law, &self.computed[at]).into_iter();
-                        let values = values.map(|t| if c == 0 { t.normal } else { t.tangential }).collect();
-                        PlotSeries::new(self.name_of(at), Style::Line, along.clone(), values)
-                    }
-                };
-                series.push(one);
-            }
-            let plot = Plot {
-                title: format!("{title} traction along the joint"),
-                x: Axis::linear("distance along the joint (mm)"),
-                y: Axis::linear(label),
-                series,
-                ..Plot::default()
+            let of_instant = |at: usize| match self.bands.iter().find(|band| band.instant == at + 1) {
+                Some(band) => banded(self.name_of(at), &band.along_mm, &band.tractions[c]),
+                None => {
+                    let values = model.tractions(self.law, &self.computed[at]).into_iter();
+                    let values = values.map(|t| if c == 0 { t.normal } else { t.tangential }).collect();
+                    PlotSeries::new(self.name_of(at), Style::Line, along.clone(), values)
+                }
             };
-            curves.push(Block::Curves(Curves::new(&plot, format!("{title} traction of the adhesive on the strips"))?));
+            let series = self.drawn_instants().into_iter().map(of_instant);
+            let about = format!("{title} traction along the joint");
+            let plot = Plot::new(about, "distance along the joint (mm)", label, series);
+            curves.push(Block::curves(&plot, format!("{title} traction of the adhesive on the strips"))?);
         }
-        for (c, title, x, y) in [
-            (0, "Opening without sliding", "D_n (\u{b5}m)", "T_n (MPa)"),
-            (1, "Sliding without opening", "D_t (\u{b5}m)", "T_t (MPa)"),
-        ] {
-            curves.push(self.law_curve(c, title, x, y)?);
+        for (mode, title) in ["Opening without sliding", "Sliding without opening"].into_iter().enumerate() {
+            let plot = mode_plot(title.to_owned(), mode, vec![self.law_curve(mode)]);
+            curves.push(Block::curves(&plot, format!("{title}: traction of the law against the jump"))?);
         }
         let bands = match (self.bands.is_empty(), self.fit.is_some_and(|fit| fit.discretisation == "included")) {
             (true, _) => "",
@@ -205,36 +176,25 @@ impl IdentificationReport<'_> {
     }
 
     /// Traction against separation in one pure mode, with the band of the fit.
-    fn law_curve(&self, c: usize, title: &str, x: &str, y: &str) -> Result<Block, ReportError> {
-        let series = match self.law_bands {
-            Some(modes) => {
-                let LawRows { jump_mm, traction: Banded { value, low, high, .. } } = &modes[c];
-                let um = jump_mm.iter().map(|jump| 1e3 * jump).collect();
-                PlotSeries::new("", Style::Line, um, value.clone()).with_limits(low, high)
-            }
-            None => {
-                let most = |pick: fn(&Jump) -> f64| {
-                    let jumps = self.computed.iter().filter(|u| !u.is_empty()).flat_map(|u| self.joint.model.jumps(u));
-                    jumps.map(|jump| pick(&jump).abs()).fold(0.0, f64::max)
-                };
-                let front = self.law.front_opening();
-                let end = if c == 0 { front } else { most(|jump| jump.tangential).max(front) };
-                let jumps: Vec<f64> = (0..=120).map(|k| end * f64::from(k) / 120.0).collect();
-                let traction = |&d: &f64| match c {
-                    0 => self.law.response(Jump { normal: d, tangential: 0.0 }).traction.normal,
-                    _ => self.law.response(Jump { normal: 0.0, tangential: d }).traction.tangential,
-                };
-                let values = jumps.iter().map(traction).collect();
-                PlotSeries::new("", Style::Line, jumps.iter().map(|d| 1e3 * d).collect(), values)
-            }
+    fn law_curve(&self, mode: usize) -> PlotSeries {
+        let um = |jumps: &[f64]| jumps.iter().map(|jump| 1e3 * jump).collect::<Vec<f64>>();
+        if let Some(modes) = self.law_bands {
+            return banded(String::new(), &um(&modes[mode].jump_mm), &modes[mode].traction);
+        }
+        let jumps = self.computed.iter().filter(|u| !u.is_empty()).flat_map(|u| self.joint.model.jumps(u));
+        let most_sliding = jumps.map(|jump| jump.tangential.abs()).fold(0.0, f64::max);
+        let front = self.law.front_opening();
+        let end = if mode == 0 { front } else { most_sliding.max(front) };
+        let jumps: Vec<f64> = (0..=120).map(|k| end * f64::from(k) / 120.0).collect();
+        let traction = |&d: &f64| match mode {
+            0 => self.law.response(Jump { normal: d, tangential: 0.0 }).traction.normal,
+            _ => self.law.response(Jump { normal: 0.0, tangential: d }).traction.tangential,
         };
-        let plot = Plot {
-            title: title.to_owned(),
-            x: Axis::linear(x),
-            y: Axis::linear(y),
-            series: vec![series],
-            ..Plot::default()
-        };
-        Ok(Block::Curves(Curves::new(&plot, format!("{title}: traction of the law against the jump"))?))
+        PlotSeries::new("", Style::Line, um(&jumps), jumps.iter().map(traction).collect())
     }
+}
+
+/// A line with its 95 % band.
+fn banded(name: String, x: &[f64], Banded { value, low, high, .. }: &Banded) -> PlotSeries {
+    PlotSeries::new(name, Style::Line, x.to_vec(), value.clone()).with_limits(low, high)
 }

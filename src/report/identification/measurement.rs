@@ -3,6 +3,7 @@
 use super::{IdentificationReport, OtherRigidMotion, choose_instants};
 use crate::field::{Measurement, RigidMotion, Status};
 use crate::report::page::{Block, Map, Section};
+use crate::report::summary::{ReferenceSummary, Summary};
 use crate::report::words::{plain, significant};
 use crate::report::{Backdrop, MapOptions, Name, Palette, ReportError, element_map_on, nodal_map_on};
 use crate::units::{Px, Vector};
@@ -16,54 +17,32 @@ impl IdentificationReport<'_> {
         let converged = frames.iter().filter(|frame| frame.status == Status::Converged).count();
         let noise: Vec<f64> = frames.iter().flat_map(|frame| &frame.zones).map(|zone| zone.noise_grey).collect();
         let noise = (!noise.is_empty()).then(|| noise.iter().sum::<f64>() / noise.len() as f64);
-        let sigma = self.sigma_px();
-        let reference = &summary.reference;
         let of_squares = |(_, field): &(usize, Measurement<Px>)| {
             (0..field.mesh.n_elements()).all(|element| is_square(field.mesh.corners(element), self.element_px))
         };
         let shape = if self.frames.first().is_none_or(of_squares) { "squares of" } else { "quadrilaterals of about" };
-        let mut facts = vec![
-            (
-                "images".into(),
-                format!(
-                    "1 reference and {n} deformed, {} x {} px, {}",
-                    reference.width_px, reference.height_px, reference.depth
-                ),
-            ),
-            ("resolution".into(), format!("1 px = {} \u{b5}m", significant(1e3 * mm, 5))),
-            (
-                "elements".into(),
-                format!(
-                    "{shape} {} px = {} \u{b5}m, bilinear; {} elements, {} nodes in two strips",
-                    plain(self.element_px),
-                    significant(1e3 * mm * self.element_px, 4),
-                    summary.n_elements,
-                    summary.n_nodes
-                ),
-            ),
-            (
-                "adhesive".into(),
-                format!("{} \u{b5}m thick, not correlated; dark", significant(1e3 * self.thickness_mm, 4)),
-            ),
-            ("frames".into(), format!("{converged} of {n} converged (tolerance {} px)", plain(summary.tolerance_px))),
-        ];
+        let [side, side_um] = [plain(self.element_px), significant(1e3 * mm * self.element_px, 4)];
+        let ReferenceSummary { width_px, height_px, depth, .. } = &summary.reference;
+        let Summary { n_elements, n_nodes, .. } = summary;
+        let mut facts = Vec::new();
+        let mut add = |name: &str, value: String| facts.push((name.to_owned(), value));
+        add("images", format!("1 reference and {n} deformed, {width_px} x {height_px} px, {depth}"));
+        add("resolution", format!("1 px = {} \u{b5}m", significant(1e3 * mm, 5)));
+        let counts = format!("{n_elements} elements, {n_nodes} nodes in two strips");
+        add("elements", format!("{shape} {side} px = {side_um} \u{b5}m, bilinear; {counts}"));
+        add("adhesive", format!("{} \u{b5}m thick, not correlated; dark", significant(1e3 * self.thickness_mm, 4)));
+        add("frames", format!("{converged} of {n} converged (tolerance {} px)", plain(summary.tolerance_px)));
         if let Some(noise) = noise {
-            facts.push((
-                "noise of one image".into(),
-                format!("{} grey levels, from the residual", significant(noise, 3)),
-            ));
+            add("noise of one image", format!("{} grey levels, from the residual", significant(noise, 3)));
         }
-        if let Some(sigma) = sigma {
-            facts.push((
-                "standard uncertainty of a nodal displacement (rms)".into(),
-                format!("{} px = {} nm", significant(sigma, 3), significant(1e6 * mm * sigma, 3)),
-            ));
+        if let Some(sigma) = self.sigma_px() {
+            let value = format!("{} px = {} nm", significant(sigma, 3), significant(1e6 * mm * sigma, 3));
+            add("standard uncertainty of a nodal displacement (rms)", value);
         }
-        facts.push(("device".into(), summary.device.clone()));
-        let mut blocks = vec![
-            Block::Text("The displacement of two strips beside the adhesive, by global image correlation on one mesh for each strip; pixels beside the dark adhesive are left out of the sums.".into()),
-            Block::Facts(facts),
-        ];
+        add("device", summary.device.clone());
+        let text = "The displacement of two strips beside the adhesive, by global image correlation on one mesh for \
+                    each strip; pixels beside the dark adhesive are left out of the sums.";
+        let mut blocks = vec![Block::text(text), Block::Facts(facts)];
         // With a fit they stand beside its verdict.
         if self.fit.is_none() {
             blocks.extend(self.warnings());
@@ -77,19 +56,14 @@ impl IdentificationReport<'_> {
             for (c, name) in [(0, "u_x, to the right"), (1, "u_y, up")] {
                 let micrometres = |&u: &[f64; 2]| 1e3 * self.pixel_size.to_mm(Vector::new(u)).components()[c];
                 let values: Vec<f64> = field.displacement.iter().map(micrometres).collect();
-                maps.push(self.map(
-                    &backdrop,
-                    field,
-                    &values,
-                    false,
-                    format!("Displacement {name}, frame {number}"),
-                    "\u{b5}m",
-                )?);
+                let caption = format!("Displacement {name}, frame {number}");
+                maps.push(self.map(&backdrop, field, &values, false, caption, "\u{b5}m")?);
             }
         }
         if let Some((number, field)) = self.frames.last() {
             let caption = format!(
-                "Residual |f - g(x + u)| of each element, frame {number}: what the displacement does not explain; cracks and reflections show here, noise alone is even"
+                "Residual |f - g(x + u)| of each element, frame {number}: what the displacement does not explain; \
+                 cracks and reflections show here, noise alone is even"
             );
             maps.push(self.map(&backdrop, field, &field.element_residual, true, caption, "grey levels")?);
         }
@@ -102,32 +76,28 @@ impl IdentificationReport<'_> {
         let left_out = self.correlation.frames.iter().filter(|frame| frame.status != Status::Converged);
         let list: Vec<String> = left_out.map(|frame| format!("{} ({})", frame.number, frame.status.name())).collect();
         let left_out = format!("Left out, because they did not converge: frames {}.", list.join(", "));
-        let left_out = (!list.is_empty()).then_some(Block::Lead { text: left_out, warning: true });
+        let left_out = (!list.is_empty()).then_some(Block::warning(left_out));
         left_out.into_iter().chain(self.remarks.iter().map(Block::of_remark)).collect()
     }
 
     /// Root mean square of the standard uncertainty of the measured displacements, px.
     fn sigma_px(&self) -> Option<f64> {
-        let fields = || self.frames.iter().flat_map(|(_, field)| field.sigma.iter().zip(&field.measured));
-        let (sum, n) = fields()
-            .filter(|(_, measured)| **measured)
-            .fold((0.0, 0.0), |(sum, n), (s, _)| (sum + s[0] * s[0] + s[1] * s[1], n + 2.0));
+        let fields = self.frames.iter().flat_map(|(_, field)| field.sigma.iter().zip(&field.measured));
+        let known = fields.filter(|(_, measured)| **measured);
+        let (sum, n) = known.fold((0.0, 0.0), |(sum, n), (s, _)| (sum + s[0] * s[0] + s[1] * s[1], n + 2.0));
         (n > 0.0).then(|| (sum / n).sqrt())
     }
 
     fn rigid_motion(&self) -> Block {
         let removed = &self.joint.removed;
-        let motions: Vec<RigidMotion> = if removed.is_empty() {
+        let mut motions = removed.clone();
+        if removed.is_empty() {
             let motion = |u: &Vec<[f64; 2]>| {
-                let nodes = self.joint.boundary.nodes();
-                RigidMotion::fit(
-                    nodes.iter().zip(u).map(|(&node, &u)| (self.joint.model.mesh().nodes()[node as usize], u)),
-                )
+                let at = |node: u32| self.joint.model.mesh().nodes()[node as usize];
+                RigidMotion::fit(self.joint.boundary.nodes().iter().zip(u).map(|(&node, &u)| (at(node), u)))
             };
-            self.joint.boundary.instants().iter().filter_map(motion).collect()
-        } else {
-            removed.clone()
-        };
+            motions.extend(self.joint.boundary.instants().iter().filter_map(motion));
+        }
         let largest = |of: fn(&RigidMotion) -> f64| motions.iter().map(of).fold(0.0_f64, |most, v| most.max(v.abs()));
         let shift = 1e3 * largest(|m| m.translation[0].hypot(m.translation[1]));
         let turn = largest(|m| m.rotation_rad);

@@ -11,7 +11,7 @@ use super::fit::{FitRecord, LawRows, TractionRows};
 use super::page::{Block, Page, Section};
 use super::summary::Summary;
 use super::tournament::TournamentReport;
-use super::{Name, ReportError};
+use super::{Name, ReportError, version};
 use crate::field::Measurement;
 use crate::imaging::Image;
 use crate::mechanics::Joint;
@@ -95,20 +95,14 @@ impl IdentificationReport<'_> {
     /// A picture that cannot be drawn.
     pub fn page(&self) -> Result<Page, ReportError> {
         let mut sections = match self.fit {
-            Some(fit) => vec![self.result(fit)],
+            Some(fit) => vec![self.result(fit), self.trust(fit)?],
             None => vec![self.measurement()?],
         };
-        if let Some(fit) = self.fit {
-            sections.push(self.trust(fit)?);
-        }
-        if let Some(laws) = self.laws {
-            sections.push(laws.section()?);
-        }
+        sections.extend(self.laws.map(TournamentReport::section).transpose()?);
         if self.fit.is_some() {
             sections.push(self.measurement()?);
         }
-        sections.push(self.comparison()?);
-        sections.push(self.tractions()?);
+        sections.extend([self.comparison()?, self.tractions()?]);
         if let Some(fit) = self.fit {
             sections.extend(self.history(fit)?);
         }
@@ -117,11 +111,7 @@ impl IdentificationReport<'_> {
             Some(_) => "Cohesive law of an adhesive, identified from images",
             None => "A bonded joint, measured on images and computed",
         };
-        let subtitle = format!(
-            "{}; quadrille {}; units mm, MPa, N/mm, x to the right, y up",
-            self.case,
-            env!("CARGO_PKG_VERSION")
-        );
+        let subtitle = format!("{}; {}; units mm, MPa, N/mm, x to the right, y up", self.case, version());
         Ok(Page { title: title.to_owned(), subtitle, sections })
     }
 
@@ -150,10 +140,8 @@ impl IdentificationReport<'_> {
 
     fn provenance(&self) -> Section {
         let text = "Everything that the numbers above depend on: the same versions and files give the same result.";
-        Section {
-            title: "Versions and hashes".into(),
-            blocks: vec![Block::Text(text.into()), Block::Facts(self.provenance.clone())],
-        }
+        let blocks = vec![Block::text(text), Block::Facts(self.provenance.clone())];
+        Section { title: "Versions and hashes".into(), blocks }
     }
 }
 

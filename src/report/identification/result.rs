@@ -2,30 +2,30 @@
 
 use super::IdentificationReport;
 use crate::identify::NORMAL_95;
-use crate::report::fit::{BudgetRecord, FitRecord, GroupRecord, MisfitRecord, ParameterRecord, QuantityRecord};
-use crate::report::page::{Block, Curves, Part, Section};
+use crate::report::fit::{
+    BudgetRecord, FitRecord, GroupRecord, MisfitRecord, ParameterRecord, QuantityRecord, misfit_plot,
+};
+use crate::report::page::{Block, Part, Section};
 use crate::report::words::{capital, plain, plain_or_dash, significant};
-use crate::report::{Axis, Name, Plot, PlotSeries, ReportError, Style};
+use crate::report::{Name, ReportError};
 
 impl IdentificationReport<'_> {
     /// The verdict and the values.
     pub(super) fn result(&self, fit: &FitRecord) -> Section {
         let (status, reason) = (&fit.status, &fit.reason);
         let converged = status == "converged";
-        let mut blocks = vec![Block::Lead {
-            text: match converged {
-                true => format!("The fit converged: {reason}"),
-                false => format!(
-                    "The fit did not converge ({status}): {reason}. The values below are the best point that was reached."
-                ),
-            },
-            warning: !converged,
-        }];
+        let text = match converged {
+            true => format!("The fit converged: {reason}"),
+            false => format!(
+                "The fit did not converge ({status}): {reason}. The values below are the best point that was reached."
+            ),
+        };
+        let mut blocks = vec![Block::Lead { text, warning: !converged }];
         let verdict = &fit.verdict;
         if let Some((first, rest)) = verdict.sentences.split_first() {
             let text = format!("Verdict: {}. {}", verdict.outcome, capital(first));
             blocks.push(Block::Lead { text, warning: !verdict.determined });
-            blocks.extend(rest.iter().map(|line| Block::Text(format!("{}.", capital(line)))));
+            blocks.extend(rest.iter().map(|line| Block::sentence(line)));
         }
         blocks.extend(self.warnings());
         blocks.push(Block::Text(format!("Criteria of the verdict: {}.", verdict.thresholds)));
@@ -59,9 +59,9 @@ impl IdentificationReport<'_> {
         }
         if let Some(force) = &fit.force {
             blocks.push(Block::Heading("The load cell".into()));
-            blocks.push(Block::Text(format!("{}.", capital(&force.text))));
+            blocks.push(Block::sentence(&force.text));
             let caption = if force.used { "It took part in the fit" } else { "It took no part in the fit" };
-            blocks.push(Block::Grid(vec![Block::Curves(Curves::new(&force.plot(), caption)?)]));
+            blocks.push(Block::Grid(vec![Block::curves(&force.plot(), caption)?]));
         }
         if let Some(matrix) = &fit.correlation {
             blocks.push(Block::Heading("Correlation of the parameters".into()));
@@ -78,19 +78,10 @@ impl IdentificationReport<'_> {
             true => "95 % interval, if the model were true",
             false => "95 % interval",
         };
-        let columns = [
-            "parameter",
-            "value",
-            "standard uncertainty",
-            "with half the element size",
-            interval,
-            "bias of the noise",
-            "start",
-            "on a bound",
-        ];
-        let columns = columns.into_iter().chain(self.truth.map(|_| "truth")).map(str::to_owned).collect();
+        let mut columns = vec!["parameter", "value", "standard uncertainty", "with half the element size", interval];
+        columns.extend(["bias of the noise", "start", "on a bound"].into_iter().chain(self.truth.map(|_| "truth")));
         let row = |name: &Name| Some(self.row(name, fit.parameters.get(name)?));
-        Block::Table { columns, rows: self.fitted_names().iter().filter_map(row).collect() }
+        Block::table(&columns, self.fitted_names().iter().filter_map(row))
     }
 
     fn row(&self, name: &str, entry: &ParameterRecord) -> Vec<String> {
@@ -148,9 +139,8 @@ impl IdentificationReport<'_> {
         for name in self.fitted_names() {
             let value = fit.parameters.get(name).map_or(f64::NAN, |p| p.value.abs());
             let effect = |line: &BudgetRecord| line.parameters.get(name).map(|effect| effect.abs() / value);
-            let mut parts: Vec<(&BudgetRecord, f64)> =
-                lines.iter().filter_map(|line| Some((line, effect(line)?))).collect();
-            parts.retain(|(_, effect)| *effect > 0.0);
+            let effects = lines.iter().filter_map(|line| Some((line, effect(line)?)));
+            let mut parts: Vec<(&BudgetRecord, f64)> = effects.filter(|(_, effect)| *effect > 0.0).collect();
             parts.sort_by(|a, b| b.1.total_cmp(&a.1));
             let most = parts.first().map_or(1.0, |(_, effect)| *effect);
             let total: f64 = parts.iter().filter(|(line, _)| line.included).map(|(_, e)| e * e).sum();
@@ -172,15 +162,11 @@ impl IdentificationReport<'_> {
             };
             vec![line.name.replace('_', " "), with_unit(line.value), with_unit(line.std), line.source.to_string()]
         });
-        blocks.push(Block::Table {
-            columns: ["source of uncertainty", "value", "standard uncertainty", "where from"].map(str::to_owned).into(),
-            rows: rows.collect(),
-        });
-        blocks.push(Block::Text(
+        blocks.push(Block::table(&["source of uncertainty", "value", "standard uncertainty", "where from"], rows));
+        blocks.push(Block::text(
             "\"default\": the case states nothing; \"exact\": the case says that there is none; \"not stated\": nothing is known, and \
              it is not part of the intervals. Not in any interval: another law, another model of the strips, \
-             a measurement that is wrong by more than its noise."
-                .into(),
+             a measurement that is wrong by more than its noise.",
         ));
         blocks
     }
@@ -188,7 +174,7 @@ impl IdentificationReport<'_> {
 
 /// What the intervals hold and what they rest on.
 fn about_intervals(fit: &FitRecord) -> Vec<Block> {
-    let held = match &*fit.discretisation {
+    let mut blocks = vec![Block::text(match &*fit.discretisation {
         "included" => {
             "The standard uncertainty is that of noise and constants. The 95 % interval also holds, as one more standard uncertainty, the \
              change that elements of half the size would make."
@@ -197,8 +183,7 @@ fn about_intervals(fit: &FitRecord) -> Vec<Block> {
             "Standard uncertainty and 95 % interval are those of noise and uncertain constants; what elements of half the size would \
              change is not part of them."
         }
-    };
-    let mut blocks = vec![Block::Text(held.into())];
+    })];
     match &fit.intervals {
         Some(intervals) if intervals.kind == "profile" => blocks.push(Block::Text(format!(
             "The intervals are those of the profile likelihood, because linear theory is in doubt; they need not be symmetric. Where \
@@ -206,10 +191,9 @@ fn about_intervals(fit: &FitRecord) -> Vec<Block> {
              extended to hold the shift; the value is as fitted.",
             intervals.draws, intervals.failed
         ))),
-        _ if fit.parameters.values().any(|p| p.bias.is_some()) => blocks.push(Block::Text(
+        _ if fit.parameters.values().any(|p| p.bias.is_some()) => blocks.push(Block::text(
             "The bias of the noise is what a pair of opposite draws of it shifts each parameter by, through kinks and plasticity; \
-             the interval is extended to hold it, the value is as fitted."
-                .into(),
+             the interval is extended to hold it, the value is as fitted.",
         )),
         _ => {}
     }
@@ -236,8 +220,7 @@ fn numbers_of_the_fit(fit: &FitRecord) -> Vec<(String, String)> {
 
 /// The misfit test: is what the model leaves of the measurement what the noise leaves?
 fn misfit(record: &MisfitRecord) -> Result<Vec<Block>, ReportError> {
-    let by_instant = &record.by_instant;
-    if by_instant.is_empty() {
+    if record.by_instant.is_empty() {
         return Ok(Vec::new());
     }
     let mut blocks = vec![Block::Heading("Does the model follow the measurement?".into())];
@@ -260,26 +243,15 @@ fn misfit(record: &MisfitRecord) -> Result<Vec<Block>, ReportError> {
     if !record.worst.is_empty() {
         blocks.push(Block::Text(format!("Worst: {}.", record.worst.join("; "))));
     }
-    let place = by_instant.iter().map(|group| group.instants[0] as f64).collect();
-    let ratio: Vec<f64> = by_instant.iter().map(|group| group.times_expected).collect();
-    let highest = 1.3 * ratio.iter().fold(1.0, |most: f64, v| most.max(*v));
-    let plot = Plot {
-        title: "Measured less computed, over what noise and element size leave".into(),
-        x: Axis::linear("instant"),
-        y: Axis::linear("root mean square (times expected)").with_range(0.0, highest),
-        series: vec![PlotSeries::new("", Style::LineAndMarkers, place, ratio)],
-        ..Plot::default()
-    };
+    let plot = misfit_plot("Measured less computed, over what noise and element size leave", record);
     let caption =
         "The residual of every instant over its expectation: 1 is what the noise leaves, above it the model fails";
-    blocks.push(Block::Grid(vec![Block::Curves(Curves::new(&plot, caption)?)]));
+    blocks.push(Block::Grid(vec![Block::curves(&plot, caption)?]));
     let row = |group: &GroupRecord| {
         vec![group.name.clone(), format!("{:.2}", group.times_expected), format!("{:+.1}", group.z)]
     };
-    blocks.push(Block::Table {
-        columns: ["region", "times expected", "standard deviations"].map(str::to_owned).into(),
-        rows: record.by_region.iter().map(row).collect(),
-    });
+    let rows = record.by_region.iter().map(row);
+    blocks.push(Block::table(&["region", "times expected", "standard deviations"], rows));
     Ok(blocks)
 }
 

@@ -1,10 +1,11 @@
 //! Figures of a joint: a field on its deformed mesh, and profiles along the adhesive.
 
 use crate::report::axes::{BORDER, GAP, Letters, Lines, Side, SideAxis};
+use crate::report::map::check_length;
 use crate::report::raster::Layer;
-use crate::report::scale::{Palette, Range, colour, ticks};
+use crate::report::scale::{Palette, Range, ticks};
 use crate::report::scene::{Anchor, BLACK, Path, Rect, Scene, Stroke};
-use crate::report::{Axis, Look, Picture, Plot, PlotSeries, ReportError, Style};
+use crate::report::{Look, Picture, Plot, PlotSeries, ReportError, Style};
 
 /// Longer side of the map.
 const LONGER_SIDE: f64 = 820.0;
@@ -48,15 +49,11 @@ impl JointMap<'_> {
     }
 
     fn of_side(&self, longer: f64, look: Look) -> Result<Picture, ReportError> {
-        if self.values.len() != self.nodes.len() {
-            return Err(ReportError::Length { what: "nodes", expected: self.nodes.len(), got: self.values.len() });
-        }
+        check_length("nodes", self.nodes.len(), self.values.len())?;
         let nothing = ReportError::Range { low: 0.0, high: 0.0 };
         let Some(range) = Range::of(self.values.iter().copied()) else { return Err(nothing) };
-        let both = range.low < 0.0 && range.high > 0.0;
-        let reach = range.low.abs().max(range.high.abs());
-        let (range, palette) = match both {
-            true => (Range { low: -reach, high: reach }, Palette::BlueRed),
+        let (range, palette) = match range.low < 0.0 && range.high > 0.0 {
+            true => (range.symmetric(), Palette::BlueRed),
             false => (range, Palette::Viridis),
         };
         let bounds =
@@ -116,9 +113,8 @@ impl JointMap<'_> {
         let mut layer = Layer::new(width as u32 * RATIO, height as u32 * RATIO);
         for corners in self.elements {
             let values = corners.map(|node| self.values[node as usize]);
-            layer.fill(corners.map(|node| place(node).map(|v| v * f64::from(RATIO))), |shape| {
-                colour(palette, range, shape.iter().zip(&values).map(|(n, v)| n * v).sum())
-            });
+            let corners = corners.map(|node| place(node).map(|v| v * f64::from(RATIO)));
+            layer.fill_values(corners, values, palette, range);
         }
         let size = |rect: Rect| [rect.x, rect.y, rect.width, rect.height].map(f64::from);
         scene.clip(map);
@@ -137,13 +133,7 @@ impl JointMap<'_> {
         scene.frame(map, BLACK);
         bottom.draw(&mut scene, &letters, map);
         left.draw(&mut scene, &letters, map);
-        let mut colours = Layer::new(width as u32, 1);
-        for k in 0..width {
-            let x = f64::from(k);
-            let share = x / f64::from((width - 1).max(1));
-            colours.fill([[x, -1.0], [x + 1.0, -1.0], [x + 1.0, 2.0], [x, 2.0]], |_| palette.colour(share));
-        }
-        scene.image(size(strip), &colours.png(), 1.0);
+        scene.image(size(strip), &Layer::bar(palette, width as u32).png(), 1.0);
         scene.frame(strip, BLACK);
         bar.draw(&mut scene, &letters, strip);
         let middle = f64::from(inner + 2 * BORDER) / 2.0;
@@ -160,8 +150,7 @@ pub struct JointProfiles {
     pub title: String,
     /// The quantity with its unit.
     pub label: String,
-    /// Name of each instant, its values (one per node pair), and the crack front (mm along the joint) where there
-    /// is one.
+    /// Name of each instant, its values (one per node pair), and the crack front (mm along the joint), if any.
     pub instants: Vec<(String, Vec<f64>, Option<f64>)>,
     /// Distance of each node pair from the first, mm.
     pub along: Vec<f64>,
@@ -190,14 +179,7 @@ impl JointProfiles {
         if !x.is_empty() {
             series.push(PlotSeries::new("crack front", Style::Markers, x, y));
         }
-        Plot {
-            title: self.title.clone(),
-            x: Axis::linear("distance along the joint (mm)"),
-            y: Axis::linear(&self.label),
-            series,
-            notes: self.notes.clone(),
-            ..Plot::default()
-        }
-        .draw()
+        let plot = Plot::new(&self.title, "distance along the joint (mm)", &self.label, series);
+        Plot { notes: self.notes.clone(), ..plot }.draw()
     }
 }

@@ -1,9 +1,10 @@
 //! A solution for ParaView: the strips, and the interface as its own line.
 
-use super::{JointReport, version};
+use super::JointReport;
 use crate::io::vtk::{GridValues, write_grid};
 use crate::mechanics::cohesive::{CohesiveResponse, Jump, Traction};
 use crate::mechanics::{Instant, Joint};
+use crate::report::version;
 use std::collections::HashMap;
 use std::io::{self, Write};
 
@@ -25,16 +26,12 @@ impl JointReport<'_> {
         let mean = |values: [f64; 4]| values.iter().sum::<f64>() / 4.0;
         let stress = model.stresses(u).into_iter().map(|s| [0, 1, 2].map(|c| mean(s.map(|s| s.0[c])))).collect();
         let states = model.states(u);
+        let equivalent = states.iter().map(|s| mean(s.map(|s| s.equivalent_stress))).collect();
+        let plastic = states.iter().map(|s| mean(s.map(|s| s.plastic_strain))).collect();
         let at_cells = [
             GridValues::Vectors("stress_xx_yy_xy_MPa".into(), stress),
-            GridValues::Scalars(
-                "equivalent_stress_MPa".into(),
-                states.iter().map(|s| mean(s.map(|s| s.equivalent_stress))).collect(),
-            ),
-            GridValues::Scalars(
-                "plastic_strain".into(),
-                states.iter().map(|s| mean(s.map(|s| s.plastic_strain))).collect(),
-            ),
+            GridValues::Scalars("equivalent_stress_MPa".into(), equivalent),
+            GridValues::Scalars("plastic_strain".into(), plastic),
             GridValues::Scalars("group".into(), mesh.element_group().iter().map(|&g| f64::from(g)).collect()),
         ];
         write_grid(out, &title(number), mesh.nodes(), &cells, &at_points, &at_cells).map_err(io::Error::other)

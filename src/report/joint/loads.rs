@@ -2,7 +2,7 @@
 
 use super::JointReport;
 use crate::mechanics::{Energies, Instant, RigidBlock, Status};
-use crate::report::{Axis, Picture, Plot, PlotSeries, ReportError, Style};
+use crate::report::{Picture, Plot, PlotSeries, ReportError, Style, version};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -13,8 +13,7 @@ pub struct ReactionSummary {
     /// The force from outside on the nodes of the group (of supports, rigid bodies and loads), along x and y.
     #[serde(rename = "force_N_per_mm")]
     pub force_n_per_mm: [f64; 2],
-    /// Mean displacement of the prescribed nodes; where the component is free, of all; of a rigid body that of its
-    /// point.
+    /// Mean displacement of the prescribed nodes, of all of a free component; of a rigid body that of its point.
     pub displacement_mm: [f64; 2],
 }
 
@@ -115,9 +114,13 @@ impl JointReport<'_> {
         self.joint.groups.iter().map(|group| group.name.clone()).zip(self.reactions(instant)).collect()
     }
 
+    /// The energies that were computed, with the numbers of their instants.
+    fn known_energies(&self) -> Vec<(usize, Energies)> {
+        (1..).zip(self.energies).filter_map(|(number, energies)| Some((number, (*energies)?))).collect()
+    }
+
     pub(super) fn balance(&self) -> Option<Balance> {
-        let known: Vec<(usize, Energies)> =
-            (1..).zip(self.energies).filter_map(|(number, energies)| Some((number, (*energies)?))).collect();
+        let known = self.known_energies();
         let last = known.last()?.1;
         let settled: Vec<&(usize, Energies)> = known.iter().take_while(|(_, energies)| energies.settled).collect();
         let largest = |of: &dyn Fn(&Energies) -> f64| settled.iter().map(|(_, e)| of(e).abs()).fold(0.0, f64::max);
@@ -138,11 +141,9 @@ impl JointReport<'_> {
     /// # Errors
     /// Those of `out`.
     pub fn write_reactions<W: Write>(&self, mut out: W) -> io::Result<()> {
-        writeln!(out, "# {}", super::version())?;
-        writeln!(
-            out,
-            "# force that holds the prescribed nodes of each group, N per mm of width; their mean displacement, mm"
-        )?;
+        let about =
+            "force that holds the prescribed nodes of each group, N per mm of width; their mean displacement, mm";
+        writeln!(out, "# {}\n# {about}", version())?;
         let mut out = csv::Writer::from_writer(out);
         out.write_record(["instant", "group", "ux_mm", "uy_mm", "Fx_N_per_mm", "Fy_N_per_mm"])?;
         for (number, instant) in self.solved() {
@@ -161,12 +162,10 @@ impl JointReport<'_> {
     /// # Errors
     /// Those of `out`.
     pub fn write_energies<W: Write>(&self, mut out: W) -> io::Result<()> {
-        writeln!(out, "# {}", super::version())?;
-        writeln!(out, "# mJ per mm of width; work of the reactions = elastic + plastic + adhesive + imbalance")?;
-        writeln!(out, "instant,work,elastic,plastic,adhesive,imbalance,settled")?;
-        for (number, energies) in (1..).zip(self.energies) {
-            let Some(energies) = energies else { continue };
-            let EnergySummary { work, elastic, plastic, adhesive, imbalance, settled } = (*energies).into();
+        let about = "mJ per mm of width; work of the reactions = elastic + plastic + adhesive + imbalance";
+        writeln!(out, "# {}\n# {about}\ninstant,work,elastic,plastic,adhesive,imbalance,settled", version())?;
+        for (number, energies) in self.known_energies() {
+            let EnergySummary { work, elastic, plastic, adhesive, imbalance, settled } = energies.into();
             let settled = u8::from(settled);
             writeln!(
                 out,
@@ -177,19 +176,15 @@ impl JointReport<'_> {
     }
 
     /// Force over mean displacement of every group, of the component that does the most work.
-    ///
-    /// # Errors
-    /// Values without a finite range.
-    pub fn load_displacement(&self) -> Result<Picture, ReportError> {
+    pub(super) fn load_displacement(&self) -> Result<Picture, ReportError> {
         let reactions: Vec<Vec<ReactionSummary>> = self.solved().map(|(_, instant)| self.reactions(instant)).collect();
         let done = |c: usize| -> f64 {
             let of_group = |k: usize| {
-                let mut before = ([0.0; 2], [0.0; 2]);
-                let mut sum = 0.0;
+                let (mut before, mut sum) = ([0.0; 2], 0.0);
                 for at in &reactions {
-                    let ReactionSummary { force_n_per_mm: f, displacement_mm: u } = at[k];
-                    sum += 0.5 * (before.0[c] + f[c]) * (u[c] - before.1[c]);
-                    before = (f, u);
+                    let [f, u] = [at[k].force_n_per_mm[c], at[k].displacement_mm[c]];
+                    sum += 0.5 * (before[0] + f) * (u - before[1]);
+                    before = [f, u];
                 }
                 sum.abs()
             };
@@ -204,43 +199,28 @@ impl JointReport<'_> {
             let (x, y) = (column(|reaction| reaction.displacement_mm), column(|reaction| reaction.force_n_per_mm));
             PlotSeries::new(&group.name, Style::LineAndMarkers, x, y)
         });
-        Plot {
-            title: "Load and displacement".into(),
-            x: Axis::linear(format!("mean displacement along {axis} (mm)")),
-            y: Axis::linear(format!("reaction along {axis} (N per mm of width)")),
-            series: series.collect(),
-            notes: vec!["A marker for each instant; groups of nodes as in [groups].".into()],
-            ..Plot::default()
-        }
-        .draw()
+        let x = format!("mean displacement along {axis} (mm)");
+        let y = format!("reaction along {axis} (N per mm of width)");
+        let plot = Plot::new("Load and displacement", x, y, series);
+        plot.with_note("A marker for each instant; groups of nodes as in [groups].").draw()
     }
 
     /// Energies over the instants.
-    ///
-    /// # Errors
-    /// Values without a finite range.
-    pub fn energy_curves(&self) -> Result<Picture, ReportError> {
-        let known: Vec<(f64, Energies)> =
-            (1..).zip(self.energies).filter_map(|(number, energies)| Some((f64::from(number), (*energies)?))).collect();
+    pub(super) fn energy_curves(&self) -> Result<Picture, ReportError> {
+        let known = self.known_energies();
         let curve = |name: &str, style: Style, of: &dyn Fn(&Energies) -> f64| {
-            let x = std::iter::once(0.0).chain(known.iter().map(|(number, _)| *number)).collect();
-            let y = std::iter::once(0.0).chain(known.iter().map(|(_, energies)| of(energies))).collect();
+            let points = known.iter().map(|(number, energies)| (*number as f64, of(energies)));
+            let (x, y) = std::iter::once((0.0, 0.0)).chain(points).unzip();
             PlotSeries::new(name, style, x, y)
         };
-        Plot {
-            title: "Energies".into(),
-            x: Axis::linear("instant"),
-            y: Axis::linear("mJ per mm of width"),
-            series: vec![
-                curve("work of the reactions", Style::LineAndMarkers, &|e| e.work),
-                curve("elastic", Style::Line, &|e| e.elastic),
-                curve("plastic", Style::Line, &|e| e.plastic),
-                curve("adhesive", Style::Line, &|e| e.adhesive),
-                curve("sum of the three", Style::Dashed, &|e| e.elastic + e.plastic + e.adhesive),
-            ],
-            notes: self.balance().map(|balance| balance.text()).into_iter().collect(),
-            ..Plot::default()
-        }
-        .draw()
+        let series = [
+            curve("work of the reactions", Style::LineAndMarkers, &|e| e.work),
+            curve("elastic", Style::Line, &|e| e.elastic),
+            curve("plastic", Style::Line, &|e| e.plastic),
+            curve("adhesive", Style::Line, &|e| e.adhesive),
+            curve("sum of the three", Style::Dashed, &|e| e.elastic + e.plastic + e.adhesive),
+        ];
+        let notes = self.balance().map(|balance| balance.text()).into_iter().collect();
+        Plot { notes, ..Plot::new("Energies", "instant", "mJ per mm of width", series) }.draw()
     }
 }

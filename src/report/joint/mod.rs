@@ -58,8 +58,3 @@ impl<'a> JointReport<'a> {
         self.solution.parameters.iter().map(|sensitivity| self.name_of(sensitivity)).collect()
     }
 }
-
-/// Who wrote a file.
-fn version() -> String {
-    format!("quadrille {}", env!("CARGO_PKG_VERSION"))
-}

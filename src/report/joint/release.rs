@@ -1,8 +1,9 @@
 //! Energy release of a run: the J-integral, and the work of separation by mode along the joint.
 
 use super::JointReport;
-use crate::mechanics::cohesive::Traction;
+use crate::io::joint::write_table;
 use crate::mechanics::{Instant, JFault, JIntegral, ModeWork, phase_deg};
+use crate::report::version;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -27,13 +28,8 @@ pub struct JSummary {
 
 impl From<JIntegral> for JSummary {
     fn from(JIntegral { value, spread, of_tractions, along, window }: JIntegral) -> Self {
-        Self {
-            j_n_per_mm: value,
-            spread_n_per_mm: spread,
-            of_tractions_n_per_mm: of_tractions,
-            along,
-            window_mm: window,
-        }
+        let [j_n_per_mm, spread_n_per_mm, of_tractions_n_per_mm] = [value, spread, of_tractions];
+        Self { j_n_per_mm, spread_n_per_mm, of_tractions_n_per_mm, along, window_mm: window }
     }
 }
 
@@ -73,19 +69,16 @@ impl JointReport<'_> {
     ///
     /// # Errors
     /// Those of `out`.
-    pub fn write_j_integral<W: Write>(&self, mut out: W) -> io::Result<()> {
-        writeln!(out, "# {}", super::version())?;
-        writeln!(
-            out,
-            "# energy by length of front and mm of width: mean and spread of three domains; from the tractions of the joint"
-        )?;
-        writeln!(out, "instant,J_N_per_mm,spread_N_per_mm,of_tractions_N_per_mm,from_mm,to_mm")?;
-        for (number, found) in (1..).zip(self.j_integrals) {
-            if let Some(Ok(JIntegral { value, spread, of_tractions, window: [from, to], .. })) = found {
-                writeln!(out, "{number},{value:.16e},{spread:.16e},{of_tractions:.16e},{from:.16e},{to:.16e}")?;
-            }
-        }
-        Ok(())
+    pub fn write_j_integral<W: Write>(&self, out: W) -> io::Result<()> {
+        let about = "energy by length of front and mm of width: mean and spread of three domains; from the tractions of \
+                     the joint";
+        let columns = ["instant", "J_N_per_mm", "spread_N_per_mm", "of_tractions_N_per_mm", "from_mm", "to_mm"]
+            .map(str::to_owned);
+        let rows = (1..).zip(self.j_integrals).filter_map(|(number, found)| {
+            let JIntegral { value, spread, of_tractions, window: [from, to], .. } = found.as_ref()?.as_ref().ok()?;
+            Some((vec![number], vec![*value, *spread, *of_tractions, *from, *to]))
+        });
+        write_table(out, &[version(), about.to_owned()], &columns, rows)
     }
 
     /// Whether some instant has a J-integral.
@@ -99,19 +92,16 @@ impl JointReport<'_> {
     /// Those of `out`.
     pub fn write_mode_mixity<W: Write>(&self, mut out: W) -> io::Result<()> {
         let model = &self.joint.model;
-        writeln!(out, "# {}", super::version())?;
         writeln!(
             out,
-            "# work of separation done so far by opening and by sliding, share of sliding in it (empty: no work), phase of the traction: 0 opens, \
-             90 slides"
-        )?;
-        writeln!(
-            out,
-            "instant,lower_node,upper_node,x_mm,y_mm,G_opening_N_per_mm,G_sliding_N_per_mm,sliding_share,phase_deg"
+            "# {}\n# work of separation done so far by opening and by sliding, share of sliding in it (empty: no work), \
+             phase of the traction: 0 opens, 90 slides\n\
+             instant,lower_node,upper_node,x_mm,y_mm,G_opening_N_per_mm,G_sliding_N_per_mm,sliding_share,phase_deg",
+            version()
         )?;
         let positions = model.pair_positions();
         for (number, instant, works) in self.mode_works() {
-            let tractions: Vec<Traction> = model.tractions(&*self.joint.law, &instant.displacement);
+            let tractions = model.tractions(&*self.joint.law, &instant.displacement);
             for (k, ([lower, upper], work)) in model.mesh().pairs().iter().zip(&works).enumerate() {
                 let [x, y] = positions[k].0;
                 let share = work.sliding_share().map_or(String::new(), |share| format!("{share:.16e}"));

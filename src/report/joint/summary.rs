@@ -119,8 +119,7 @@ pub struct InstantSummary {
     /// Why there is no solution.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub message: Option<String>,
-    /// Of a path that was followed by its length: where in the history of the case it is, 0 at rest, k at its instant
-    /// k.
+    /// Of a path followed by its length: where in the history of the case it is, 0 at rest, k at its instant k.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time: Option<f64>,
     /// What a user should look at.
@@ -133,10 +132,7 @@ impl JointReport<'_> {
     pub fn summary(&self, case: String, seconds: f64, remarks: Vec<Remark>) -> JointSummary {
         let Joint { model, law, removed, .. } = self.joint;
         let shares = self.sliding_at_front();
-        let of_instant = |(k, instant)| InstantSummary {
-            sliding_share_at_front: shares.get(&k).copied(),
-            ..self.summary_of(k, instant)
-        };
+        let of_instant = |(k, instant)| self.summary_of(k, instant, shares.get(&k).copied());
         JointSummary {
             quadrille: env!("CARGO_PKG_VERSION"),
             case,
@@ -162,7 +158,7 @@ impl JointReport<'_> {
         }
     }
 
-    fn summary_of(&self, number: usize, instant: &Instant) -> InstantSummary {
+    fn summary_of(&self, number: usize, instant: &Instant, sliding_share_at_front: Option<f64>) -> InstantSummary {
         let Joint { model, law, .. } = self.joint;
         let snapped_pairs: Vec<[u32; 2]> = instant.snapped.iter().map(|&k| model.mesh().pairs()[k]).collect();
         let converged = instant.status.converged();
@@ -191,7 +187,7 @@ impl JointReport<'_> {
             reactions: if converged { self.reactions_of(instant) } else { BTreeMap::new() },
             energy: self.energies.get(number - 1).copied().flatten().map(EnergySummary::from),
             j_integral: self.j_integral(number),
-            sliding_share_at_front: None,
+            sliding_share_at_front,
             snapped_pairs,
             message,
             time: self.times.get(number - 1).copied(),

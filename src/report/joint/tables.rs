@@ -1,21 +1,12 @@
 //! Tables of a solution.
 
-use super::{JointReport, version};
+use super::JointReport;
 use crate::io::joint::write_table;
+use crate::report::fit::notes;
+use crate::report::to_strings;
 use std::io::{self, Write};
 
 impl JointReport<'_> {
-    fn table<W: Write>(
-        &self,
-        out: W,
-        what: &str,
-        columns: &[String],
-        rows: impl Iterator<Item = (Vec<u64>, Vec<f64>)>,
-    ) -> io::Result<()> {
-        let notes = [version(), format!("{what}; mm, MPa; y up; nodes from 0, instants from 1")];
-        write_table(out, &notes, columns, rows)
-    }
-
     /// Writes `solution.csv`: the displacement of every node at every instant that has a solution.
     ///
     /// # Errors
@@ -24,7 +15,8 @@ impl JointReport<'_> {
         let rows = self.solved().flat_map(|(number, instant)| {
             (0..).zip(&instant.displacement).map(move |(node, u)| (vec![number as u64, node], u.to_vec()))
         });
-        self.table(out, "displacement of every node", &names(&["instant", "node", "ux_mm", "uy_mm"]), rows)
+        let columns = to_strings(&["instant", "node", "ux_mm", "uy_mm"]);
+        write_table(out, &notes("displacement of every node"), &columns, rows)
     }
 
     /// Writes `tractions.csv`: jump and traction of every node pair, in their order along the joint.
@@ -46,7 +38,8 @@ impl JointReport<'_> {
                 .collect();
             rows
         });
-        self.table(out, "jump and traction of every node pair, upper minus lower", &names(&columns), rows)
+        let about = "jump and traction of every node pair, upper minus lower";
+        write_table(out, &notes(about), &to_strings(&columns), rows)
     }
 
     /// Writes `sensitivities.csv`: the derivatives of every displacement, first those of u_x, then those of u_y.
@@ -54,7 +47,7 @@ impl JointReport<'_> {
     /// # Errors
     /// Those of `out`.
     pub fn write_sensitivities<W: Write>(&self, out: W) -> io::Result<()> {
-        let mut columns = names(&["instant", "node"]);
+        let mut columns = to_strings(&["instant", "node"]);
         for component in ["ux", "uy"] {
             columns.extend(self.names().iter().map(|name| format!("d{component}_d{name}")));
         }
@@ -64,10 +57,6 @@ impl JointReport<'_> {
                 (vec![number as u64, node as u64], component(0).chain(component(1)).collect())
             })
         });
-        self.table(out, "derivative of every displacement (mm) by each parameter", &columns, rows)
+        write_table(out, &notes("derivative of every displacement (mm) by each parameter"), &columns, rows)
     }
-}
-
-fn names(columns: &[&str]) -> Vec<String> {
-    columns.iter().map(|&name| name.to_owned()).collect()
 }

@@ -1,12 +1,12 @@
 //! The page on which zones, cracks, gauges and a scale are drawn on the reference image: it writes the case file.
 
 use super::super::Backdrop;
-use super::{IMAGE, page_of};
+use super::{IMAGE, fill_in, page_of};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 
-pub(super) const HTML: &str = include_str!("draw.html");
+const HTML: &str = include_str!("draw.html");
 pub(super) const SCRIPT: &str = include_str!("draw.js");
 
 /// What the page shows, and what its case file says of images.
@@ -33,8 +33,7 @@ pub struct Drawing<'a> {
 impl Drawing<'_> {
     /// The page.
     pub fn html(&self) -> String {
-        let page = Parts::default().of(HTML);
-        page_of(&page, &[IMAGE, SCRIPT].concat(), &self.data())
+        page_of(&with_parts("", "", ""), &[IMAGE, SCRIPT].concat(), &self.data())
     }
 
     /// What its script is given.
@@ -56,23 +55,7 @@ impl Drawing<'_> {
     }
 }
 
-/// What stands around the drawing.
-#[derive(Default)]
-pub(super) struct Parts {
-    /// What else the page may do, as a policy.
-    pub also: &'static str,
-    /// Before the drawing.
-    pub before: &'static str,
-    /// Behind it.
-    pub after: &'static str,
-}
-
-impl Parts {
-    /// The page with these parts.
-    pub fn of(&self, html: &str) -> String {
-        let with = |html: String, name: &str, text: &str| html.replacen(name, text, 1);
-        let html = with(html.to_owned(), "{ALSO}", self.also);
-        let html = with(html, "{BEFORE}", self.before.trim_end());
-        with(html, "{AFTER}", self.after.trim_end())
-    }
+/// The page with what else it may do (a policy), and what stands before and behind the drawing.
+pub(super) fn with_parts(also: &str, before: &str, behind: &str) -> String {
+    fill_in(HTML, &[("{ALSO}", also), ("{BEFORE}", before.trim_end()), ("{AFTER}", behind.trim_end())])
 }

@@ -1,5 +1,6 @@
 //! The law explorer of the page of a run: the fit, its verdict and budget, and what a change of each parameter does.
 
+use super::super::correlation::spread;
 use super::super::fit::{FitRecord, JointSensitivity, LawRows, LawSensitivity, TractionRows};
 use serde_json::{Value, json};
 
@@ -23,8 +24,7 @@ pub struct LawView<'a> {
     pub joint: &'a [JointSensitivity],
     /// The inverse of the covariance of the parameters; none without one.
     pub inverse: Option<Vec<Vec<f64>>>,
-    /// What the distance from the fit is below with a probability of 95 %: of chi-square with as many degrees as
-    /// parameters.
+    /// What the distance from the fit, chi-square with as many degrees as parameters, is below in 95 % of cases.
     pub limit: f64,
 }
 
@@ -78,9 +78,6 @@ impl LawView<'_> {
 
     /// The joint at some instants, evenly, the last among them.
     fn joint(&self) -> Vec<Value> {
-        let n = self.joint.len();
-        let shown = n.min(INSTANTS);
-        let chosen = (0..shown).map(|k| if shown == 1 { n - 1 } else { k * (n - 1) / (shown - 1) });
         let one = |at: &JointSensitivity| {
             let band = self.bands.iter().find(|band| band.instant == at.instant);
             let ends = band.map(|band| {
@@ -94,7 +91,7 @@ impl LawView<'_> {
                 "ends": ends,
             })
         };
-        chosen.map(|k| one(&self.joint[k])).collect()
+        spread(self.joint.len(), INSTANTS).into_iter().map(|k| one(&self.joint[k])).collect()
     }
 }
 

@@ -17,6 +17,7 @@ pub use law::LawView;
 pub use studio::Studio;
 
 use super::page::Interactive;
+use super::scale::outer_ends;
 use super::{Backdrop, Palette};
 use crate::field::{ElementMark, Status};
 use crate::mesh::Mesh;
@@ -104,7 +105,7 @@ impl Packed {
                 before = code;
             }
             scale.push([low, step]);
-            ends.push(trim(finite().collect()));
+            ends.push(outer_ends(finite().collect(), TRIM));
         }
         let planes: Vec<u8> = [0, 1].into_iter().flat_map(|k| codes.iter().map(move |c| c.to_le_bytes()[k])).collect();
         let mut deflated = ZlibEncoder::new(Vec::new(), Compression::default());
@@ -117,13 +118,6 @@ impl Packed {
     pub fn size(&self) -> usize {
         self.text.len() + 48 * self.scale.len()
     }
-}
-
-/// The least and the largest of `values` but for the outermost few; `None` without any.
-fn trim(mut values: Vec<f64>) -> Option<[f64; 2]> {
-    values.sort_by(f64::total_cmp);
-    let cut = (TRIM * values.len() as f64) as usize;
-    Some([*values.get(cut)?, values[values.len() - 1 - cut]])
 }
 
 /// A frame of the series, shown or not.
@@ -212,8 +206,7 @@ impl View<'_> {
         let elements: Vec<u8> = self.mesh.elements().iter().flatten().flat_map(|node| node.to_le_bytes()).collect();
         let mut palettes = serde_json::Map::new();
         for palette in [Palette::Viridis, Palette::Plasma, Palette::BlueRed] {
-            let colours: Vec<u8> = (0..256).flat_map(|t| palette.colour(f64::from(t) / 255.0)).collect();
-            palettes.insert(name_of(palette).into(), STANDARD.encode(colours).into());
+            palettes.insert(name_of(palette).into(), colours_of(palette).into());
         }
         let marks = [ElementMark::None].into_iter().chain(ElementMark::ALL);
         let words = |mark: ElementMark| if mark == ElementMark::None { "nothing is the matter" } else { mark.words() };
@@ -269,11 +262,19 @@ impl View<'_> {
 fn page_of(html: &str, script: &str, data: &Value) -> String {
     let data = within_script(data);
     let sha256 = STANDARD.encode(crate::digest::sha256(script.as_bytes()));
-    let with = |html: String, name: &str, text: &str| html.replacen(name, text, 1);
-    let html = with(html.to_owned(), "{SCRIPT_SHA256}", &sha256);
-    let html = with(html, "{STYLE}", STYLE.trim_end());
-    let html = with(html, "{SCRIPT}", script);
-    with(html, "{DATA}", &data)
+    let style = ("{STYLE}", STYLE.trim_end());
+    fill_in(html, &[("{SCRIPT_SHA256}", &sha256), style, ("{SCRIPT}", script), ("{DATA}", &data)])
+}
+
+/// `html` with texts for its names, one after the other, each in its first place.
+fn fill_in(html: &str, texts: &[(&str, &str)]) -> String {
+    texts.iter().fold(html.to_owned(), |html, (name, text)| html.replacen(name, text, 1))
+}
+
+/// The 256 colours of a palette in base64.
+fn colours_of(palette: Palette) -> String {
+    let colours: Vec<u8> = (0..256).flat_map(|t| palette.colour(f64::from(t) / 255.0)).collect();
+    STANDARD.encode(colours)
 }
 
 /// JSON that no script ends in.

@@ -1,8 +1,7 @@
 //! The page of `quadrille studio`: the images, the drawing, what is checked of it, the run, the results.
 
-use super::draw::{Drawing, HTML, Parts, SCRIPT as DRAW};
-use super::{IMAGE, Palette, STANDARD, page_of};
-use base64::Engine;
+use super::draw::{Drawing, SCRIPT as DRAW, with_parts};
+use super::{IMAGE, Palette, colours_of, page_of};
 use serde_json::{Value, json};
 
 const BEFORE: &str = include_str!("studio_before.html");
@@ -34,7 +33,6 @@ impl Studio<'_> {
     /// The page.
     pub fn html(&self) -> String {
         let mut data = self.drawing.data();
-        let colours: Vec<u8> = (0..256).flat_map(|t| Palette::Viridis.colour(f64::from(t) / 255.0)).collect();
         data["studio"] = json!({
             "images": self.images,
             "image": self.image,
@@ -42,9 +40,8 @@ impl Studio<'_> {
             "case": self.case,
             "output": self.output,
             "has_results": self.has_results,
-            "colours": STANDARD.encode(colours),
+            "colours": colours_of(Palette::Viridis),
         });
-        let page = Parts { also: ALSO, before: BEFORE, after: AFTER }.of(HTML);
-        page_of(&page, &[IMAGE, DRAW, SCRIPT].concat(), &data)
+        page_of(&with_parts(ALSO, BEFORE, AFTER), &[IMAGE, DRAW, SCRIPT].concat(), &data)
     }
 }
