@@ -179,7 +179,6 @@ fn the_report_tells_everything_and_needs_nothing_else() {
         "Correlation of the parameters",
         "How the fit went",
         "95 % interval",
-        "Criteria of the verdict",
         "Normal traction along the joint",
         "Bands: 95 %",
         "the parameters would change by (to first order): phi_n",

@@ -141,7 +141,6 @@ fn law(reports: &[FitReport<'_>]) -> Result<Section, ReportError> {
 
 fn remarks(record: &FitRecord) -> Section {
     let mut blocks: Vec<Block> = record.remarks.iter().map(Block::of_remark).collect();
-    blocks.push(Block::Text(format!("Criteria of the verdict: {}.", record.verdict.thresholds)));
     blocks.push(Block::Text(format!("Given: {}.", record.verdict.given.join(", "))));
     Section { title: "Remarks".into(), blocks }
 }

@@ -28,7 +28,6 @@ impl IdentificationReport<'_> {
             blocks.extend(rest.iter().map(|line| Block::sentence(line)));
         }
         blocks.extend(self.warnings());
-        blocks.push(Block::Text(format!("Criteria of the verdict: {}.", verdict.thresholds)));
         blocks.push(self.parameters(fit));
         blocks.extend(about_intervals(fit));
         Section { title: "Result".into(), blocks }
