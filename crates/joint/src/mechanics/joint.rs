@@ -1,9 +1,7 @@
 //! The mesh of a joint: quadrilaterals of the strips, interface elements of the adhesive.
 
-use super::boundary::BoundaryHistory;
-use super::element::{Interface, Kinematics, Q4, Quadrature};
-use super::error::MeshFault;
-use super::parts::{JointParts, border_edges, sorted, strips};
+use super::element::{Interface, Q4};
+use super::{BoundaryHistory, JointParts, Kinematics, MeshFault, Quadrature, border_edges, sorted, strips};
 use crate::mesh::{ElementGeometry, shape_functions};
 use std::collections::{HashMap, HashSet};
 

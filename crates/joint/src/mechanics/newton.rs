@@ -6,12 +6,9 @@
 //! was in. It is then carried over to the next stable state as a slightly viscous adhesive would do it, step by
 //! step downhill; where that fails, by the secant iteration (Kacanov). From there Newton goes on.
 
-use super::boundary::{BoundaryHistory, Drive};
 use super::cohesive::{CohesiveLaw, Jump};
-use super::error::ModelError;
-use super::model::{Model, Stiffness, Work};
 use super::sensitivity;
-use super::solution::{Failure, Instant, Sensitivity, Solution, Status};
+use super::{BoundaryHistory, Drive, Failure, Instant, Model, ModelError, Solution, Status, Stiffness, Work};
 
 /// How far the iteration goes before it gives up.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,24 +80,12 @@ impl Model {
             }
             path.instant += 1;
             let mut instant = path.advance(&target);
-            if instant.status.converged() && (options.law_sensitivities || options.substrate_sensitivities) {
-                let groups = if options.substrate_sensitivities { self.mesh().groups().len() } else { 0 };
-                let rhs = sensitivity::pseudo_loads(self, law, &path.u, &path.work, options.law_sensitivities, groups);
-                instant.sensitivities = sensitivity::solve(self, &path.work, &rhs);
+            if instant.status.converged() {
+                instant.sensitivities = sensitivity::at(self, law, &path.u, &path.work, options);
             }
             instants.push(instant);
         }
-        let mut parameters = Vec::new();
-        if options.law_sensitivities {
-            parameters.extend(law.parameters().iter().map(|&parameter| Sensitivity { parameter, group: None }));
-        }
-        if options.substrate_sensitivities {
-            for (group, material) in self.materials().iter().enumerate() {
-                let of_group = |&parameter| Sensitivity { parameter, group: Some(group) };
-                parameters.extend(material.parameters().iter().map(of_group));
-            }
-        }
-        Ok(Solution { instants, parameters })
+        Ok(Solution { instants, parameters: sensitivity::parameters(self, law, options) })
     }
 }
 

@@ -1,7 +1,6 @@
 //! Meshes and case files of the usual tests of adhesives, to begin with.
 
-use super::joint::JointMesh;
-use super::parts::JointParts;
+use super::{JointMesh, JointParts};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -1,10 +1,8 @@
 //! Several tests as their case files describe them.
 
 use super::sources::{CombinedConstant, combined_constants};
-use crate::identify::cases::case::Case;
-use crate::identify::cases::error::{FitError, wrong};
 use crate::identify::doubt::remarks;
-use crate::identify::objective::problem::Problem;
+use crate::identify::{Case, FitError, Problem, wrong};
 use crate::io::joint::{JointMeshFile, MeshInput, TestInput, TestsInput};
 use crate::mechanics::Joint;
 use crate::remark::Remark;

@@ -9,19 +9,11 @@ use super::released::release;
 use super::search::{Found, Searched, search};
 use super::share::{TestShare, shares};
 use super::verdict::{OfTests, verdict};
-use crate::identify::FitError;
-use crate::identify::cases::options::RotationCheck;
-use crate::identify::doubt::discretisation::Refined;
-use crate::identify::doubt::misfit::Misfit;
-use crate::identify::doubt::missing_mode::MissingMode;
-use crate::identify::doubt::plausibility::implausible_result;
-use crate::identify::doubt::released::Released;
-use crate::identify::doubt::rotations::Rotations;
-use crate::identify::doubt::verdict::{Grounds, LARGEST_STD, Verdict};
-use crate::identify::intervals::statistics::Statistics;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::solve::fit::{CutShort, Fit, compare, correlation_of, describe, reasons_unfinished};
-use crate::identify::solve::trust_region::FitStatus;
+use crate::identify::solve::fit::{compare, correlation_of, describe, reasons_unfinished};
+use crate::identify::{
+    CutShort, Evaluation, Fit, FitError, FitStatus, Grounds, LARGEST_STD, Misfit, MissingMode, Problem, Refined,
+    Released, RotationCheck, Rotations, Statistics, Verdict, implausible_result,
+};
 use crate::io::case::Discretisation;
 
 /// One test in a fit of several.
@@ -74,7 +66,7 @@ pub fn fit_combined(case: &CombinedCase<'_>) -> Result<CombinedFit, FitError> {
     let first = tests[0].problem;
     let (unknowns, options) = (&first.unknowns, tests[0].options);
     let starts: Vec<Vec<f64>> = std::iter::once(unknowns.start()).chain(options.starts.iter().cloned()).collect();
-    let found = search(&tests, unknowns, &starts, &options.region, |ends| compare(unknowns, &starts, ends).0)?;
+    let found = search(&tests, &starts, &options.region, |ends| compare(unknowns, &starts, ends).0)?;
     if found.ends[found.best].local.is_none() {
         let (start, reason) = (describe(unknowns, &unknowns.start()), found.ends[found.best].reason.clone());
         return Err(FitError::NoStart { start, reason });
@@ -215,10 +207,8 @@ fn put_together(
     let unknowns = &tests[0].problem.unknowns;
     let starts = compare(unknowns, starts, &found.ends).1;
     let status: FitStatus = found.stage.status;
-    let mut history = found.stage.history;
-    history.iter_mut().for_each(|iteration| iteration.z = unknowns.unscaled(&iteration.z));
-    let eigen = known.sum.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
-    let singular_values: Vec<f64> = eigen.0.iter().rev().map(|value| value.max(0.0).sqrt()).collect();
+    let history = found.stage.history.into_iter().map(|iteration| iteration.unscaled(unknowns)).collect::<Vec<_>>();
+    let singular_values = known.sum.singular_values()?;
     let law = unknowns.law_at(&known.evaluations[0].x)?;
     let mut statistics: Vec<Option<Statistics>> = match known.led {
         Some(led) => led.statistics.into_iter().map(Some).collect(),

@@ -1,14 +1,11 @@
 //! The misfit of each test at the parameters that all share, and of all of them together.
 
 use super::consistency::{Consistency, Pull, consistency};
-use crate::identify::FitError;
-use crate::identify::doubt::misfit::{FALSE_REJECTIONS, Misfit, MisfitGroup, Unexplained, normal_tail};
-use crate::identify::intervals::constants::ConstantEffect;
-use crate::identify::intervals::statistics::Statistics;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::weights::Weights;
-use crate::identify::solve::stage::full_weights;
-use crate::identify::solve::trust_region::Local;
+use crate::identify::doubt::misfit::Unexplained;
+use crate::identify::{
+    ConstantEffect, Evaluation, FALSE_REJECTIONS, FitError, Local, Misfit, MisfitGroup, Problem, Statistics, Weights,
+    full_weights, normal_tail, scale,
+};
 use crate::linalg::Dense;
 
 /// One test at the end of the fit.
@@ -42,21 +39,15 @@ impl<'a> White<'a> {
         let sigma = test.statistics.sigma;
         // With an unknown noise the inverse covariance holds that of noise 1.
         let unit = if test.problem.noise.sigma.is_some() { 1.0 } else { 1.0 / (sigma * sigma) };
-        let Local { omega, b, h, rescued } =
-            test.evaluation.local(own.as_ref().unwrap_or(test.weights), &test.problem.noise);
-        let n = b.len();
-        let h = Dense::from_fn(n, n, |r, c| unit * h[(r, c)]);
-        let b = b.iter().map(|b| unit * b).collect();
-        let local = Local { omega: unit * omega, b, h, rescued };
+        let weights = own.as_ref().unwrap_or(test.weights);
+        let local = test.evaluation.local(weights, &test.problem.noise).times(unit);
         Ok(Self { test, own, unit, local, jacobian: test.evaluation.jacobian() })
     }
 
     /// `u W d`.
     fn times(&self, d: &[Dense]) -> Vec<Dense> {
         let mut weighted = self.own.as_ref().unwrap_or(self.test.weights).times(&self.test.problem.noise, d);
-        for x in &mut weighted {
-            (0..x.n_columns()).for_each(|k| x.column_mut(k).iter_mut().for_each(|v| *v *= self.unit));
-        }
+        weighted.iter_mut().for_each(|x| scale(x, self.unit));
         weighted
     }
 
@@ -98,10 +89,8 @@ fn residual_after(tests: &[White<'_>], a: &Dense, changes: &[&[Dense]]) -> Vec<L
     tests.iter().zip(changes).map(of_test).collect()
 }
 
-/// The misfit of each test, of all together, and whether the tests agree on the parameters.
-///
-/// # Errors
-/// A tangent or a covariance without inverse.
+/// The misfit of each test, of all together, and whether the tests agree on the parameters. Errors: a tangent or a
+/// covariance without inverse.
 pub(super) fn misfits(tests: &[Judged<'_>]) -> Result<(Vec<Misfit>, Misfit, Option<Consistency>), FitError> {
     let white: Vec<White<'_>> = tests.iter().map(White::new).collect::<Result<_, _>>()?;
     let n = white[0].local.b.len();

@@ -2,8 +2,7 @@
 
 use super::alone::stds_of_information;
 use super::known::Known;
-use crate::identify::doubt::missing_mode::opening_share;
-use crate::identify::objective::problem::{Evaluation, Problem};
+use crate::identify::{Evaluation, Problem, opening_share};
 use crate::linalg::Dense;
 
 /// Least growth of a standard uncertainty that makes a test worth something.

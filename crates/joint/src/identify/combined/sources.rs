@@ -1,11 +1,10 @@
 //! Constants of several tests: which are one and the same, and what each does to the parameters that all tests share.
 
-use crate::identify::cases::error::{FitError, wrong};
 use crate::identify::doubt::remarks::uncertainties_differ;
-use crate::identify::intervals::budget::NOISE_LEVEL;
-use crate::identify::intervals::constants::{Constant, ConstantEffect, ConstantKind, Source, power_of_length};
-use crate::identify::intervals::statistics::Statistics;
-use crate::identify::objective::problem::{Evaluation, Problem};
+use crate::identify::intervals::constants::power_of_length;
+use crate::identify::{
+    Constant, ConstantEffect, ConstantKind, Evaluation, FitError, NOISE_LEVEL, Problem, Source, Statistics, wrong,
+};
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::Jump;
 use crate::remark::Remark;
@@ -21,10 +20,7 @@ pub(super) struct CombinedConstant {
 
 /// The constants of all tests, each called as in `names`. `shared` lists those whose error is the same in all tests;
 /// without it these are the constants of the strips that agree in value and uncertainty. Parameters of the law always
-/// are.
-///
-/// # Errors
-/// A name in `shared` that no test has, or whose values differ.
+/// are. Errors: a name in `shared` that no test has, or whose values differ.
 pub(super) fn combined_constants(
     names: &[&str],
     constants: &[&[Constant]],

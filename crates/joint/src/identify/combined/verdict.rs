@@ -2,9 +2,7 @@
 
 use super::consistency::Consistency;
 use super::share::TestShare;
-use crate::identify::doubt::misfit::{FALSE_REJECTIONS, Misfit, normal_tail};
-use crate::identify::doubt::verdict::{Grounds, Outcome, Verdict};
-use crate::identify::result::fitted::FittedParameter;
+use crate::identify::{FALSE_REJECTIONS, FittedParameter, Grounds, Misfit, Outcome, Verdict, normal_tail};
 
 /// A parameter needs the tests together when the best of them alone leaves it with more than this times the
 /// uncertainty.

@@ -1,12 +1,7 @@
 //! Whether the data contradict the model: the objective against its expectation, as a whole and by instant and region
 //! (THEORY 11).
 
-use crate::identify::FitError;
-use crate::identify::intervals::constants::ConstantEffect;
-use crate::identify::intervals::statistics::Statistics;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::weights::Weights;
-use crate::identify::solve::stage::full_weights;
+use crate::identify::{ConstantEffect, Evaluation, FitError, Problem, Statistics, Weights, full_weights};
 use crate::linalg::Dense;
 use crate::mechanics::JointMesh;
 use rayon::prelude::*;
@@ -132,10 +127,7 @@ pub(crate) fn as_normal(ratio: f64, freedom: f64) -> f64 {
 
 impl Problem<'_> {
     /// The misfit of a fit that ended at `evaluation` under `weights`; `refined` is the change of the measured rows
-    /// that a mesh cut in four would make ([`Problem::refine`]).
-    ///
-    /// # Errors
-    /// A tangent or a covariance without inverse.
+    /// that a mesh cut in four would make ([`Problem::refine`]). Errors: a tangent or a covariance without inverse.
     pub(crate) fn misfit(
         &self,
         evaluation: &Evaluation,

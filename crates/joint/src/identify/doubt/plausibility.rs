@@ -3,7 +3,7 @@
 //! Thresholds are wide: what they catch is a wrong unit, a wrong row of a table, a wrong scale. docs/identification.md
 //! lists them.
 
-use crate::identify::objective::problem::Problem;
+use crate::identify::Problem;
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump, Traction};
 use crate::mechanics::substrate::SubstrateLaw;

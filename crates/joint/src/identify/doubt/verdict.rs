@@ -1,12 +1,9 @@
 //! What a fit comes to, in words: determined, not determined, or model rejected (THEORY 11).
 
-use crate::identify::doubt::misfit::{Misfit, as_normal};
-use crate::identify::doubt::missing_mode::MissingMode;
-use crate::identify::doubt::released::Released;
-use crate::identify::doubt::released_width::ReleasedWidth;
-use crate::identify::doubt::rotations::{ROTATIONS_HELD, Rotations};
-use crate::identify::intervals::intervals_::IntervalBasis;
-use crate::identify::result::fitted::{FittedParameter, FittedQuantity};
+use crate::identify::{
+    FittedParameter, FittedQuantity, IntervalBasis, Misfit, MissingMode, ROTATIONS_HELD, Released, ReleasedWidth,
+    Rotations, as_normal,
+};
 use crate::linalg::Dense;
 
 /// Relative standard uncertainty above which a parameter is not determined.

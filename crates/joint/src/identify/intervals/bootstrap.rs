@@ -2,11 +2,8 @@
 //! included. It finds the bias that noise makes through a kink of the law or through plasticity, which no linear theory
 //! sees.
 
-use crate::identify::intervals::statistics::Statistics;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::weights::Weights;
 use crate::identify::solve::stage::run;
-use crate::identify::solve::trust_region::{FitStatus, TrustRegionOptions};
+use crate::identify::{Evaluation, FitStatus, Problem, Statistics, TrustRegionOptions, Weights};
 use crate::linalg::Dense;
 use crate::mechanics::BoundaryHistory;
 use rayon::prelude::*;

@@ -4,10 +4,7 @@
 //! the change of the internal forces when the constant moves, solved for the free nodes. No further forward run is
 //! needed.
 
-use crate::identify::intervals::statistics::Statistics;
-use crate::identify::objective::load_cell::LoadCell;
-use crate::identify::objective::observation::ObservedInstant;
-use crate::identify::objective::problem::{Evaluation, Problem};
+use crate::identify::{Evaluation, LoadCell, ObservedInstant, Problem, Statistics};
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump};
 use crate::mechanics::{Instant, JointMesh, JointParts, Kinematics, Linearised, Model, NodalField, ReactionAt};

@@ -1,11 +1,8 @@
 //! The 95 % intervals: whether linear theory is good enough for them, and what they are made of (THEORY 7, 11).
 
-use crate::identify::intervals::bootstrap::{Base, Bootstrap};
-use crate::identify::intervals::budget::{Budget, Parts, interval95};
-use crate::identify::intervals::profile_ends::ProfileEnds;
-use crate::identify::intervals::statistics::NORMAL_95;
-use crate::identify::result::derived::derived;
-use crate::identify::result::fitted::{FittedParameter, FittedQuantity};
+use crate::identify::{
+    Base, Bootstrap, Budget, FittedParameter, FittedQuantity, NORMAL_95, Parts, ProfileEnds, derived, interval95,
+};
 use crate::io::case::Intervals;
 
 /// Which intervals a fit has.

@@ -1,8 +1,6 @@
 //! What the noise of the measurement does to the parameters (THEORY 7 and 9).
 
-use crate::identify::FitError;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::weights::Weights;
+use crate::identify::{Evaluation, FitError, Problem, Weights};
 use crate::linalg::Dense;
 use rayon::prelude::*;
 
@@ -88,10 +86,7 @@ pub(crate) struct Led {
 }
 
 impl Led {
-    /// That of `evaluation` under `weights`.
-    ///
-    /// # Errors
-    /// A tangent without inverse.
+    /// That of `evaluation` under `weights`. Errors: a tangent without inverse.
     pub(crate) fn new(problem: &Problem<'_>, evaluation: &Evaluation, weights: &Weights) -> Result<Self, FitError> {
         let (noise, observation) = (&problem.noise, &problem.observation);
         let by_boundary = problem.by_boundary(evaluation)?;
@@ -124,7 +119,8 @@ impl Statistics {
     }
 }
 
-fn scale(matrix: &mut Dense, factor: f64) {
+/// Multiplies all entries.
+pub(crate) fn scale(matrix: &mut Dense, factor: f64) {
     for k in 0..matrix.n_columns() {
         matrix.column_mut(k).iter_mut().for_each(|v| *v *= factor);
     }

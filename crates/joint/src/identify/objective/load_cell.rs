@@ -1,8 +1,9 @@
 //! The load cell: the force on a group of nodes beside the displacements, in the objective or held against the
 //! prediction (THEORY 15).
 
-use crate::identify::cases::error::{FitError, wrong};
+use crate::identify::cases::error::{positive, refuse_if};
 use crate::identify::doubt::remarks;
+use crate::identify::{FitError, wrong};
 use crate::io::case::{CaseDirection, CaseForce};
 use crate::io::joint::ForceInput;
 use crate::mechanics::cohesive::CohesiveLaw;
@@ -76,24 +77,14 @@ impl LoadCell {
             let what = "width_mm is missing: reactions of the model are by mm of width; give that of the specimen";
             return Err(refused("width_mm", what.to_owned()));
         };
-        let above_zero = |key: &str, value: f64| match value.is_finite() && value > 0.0 {
-            true => Ok(value),
-            false => Err(refused(key, format!("{key} = {value}: it must be a finite number above zero"))),
-        };
-        let width_mm = above_zero("width_mm", width_mm)?;
-        let std_n = asked.std_n.map(|std| above_zero("std_N", std)).transpose()?;
-        if needs_std && std_n.is_none() {
-            let what =
-                "std_N is missing: the fit weighs the force by its standard uncertainty (N); or give use = false";
-            return Err(refused("std_N", what.to_owned()));
-        }
+        let width_mm = positive("force", "width_mm", width_mm)?;
+        let std_n = asked.std_n.map(|std| positive("force", "std_N", std)).transpose()?;
+        let what = "std_N is missing: the fit weighs the force by its standard uncertainty (N); or give use = false";
+        refuse_if(needs_std && std_n.is_none(), "force", "std_N", what)?;
         let file = format!("{}: ", input.path.display());
         found.extend(input.remarks.iter().map(|remark| remark.clone().after(&file)));
-        let known = input.values.iter().flatten().count();
-        if known == 0 {
-            let what = format!("{}: column '{}' has no value at any instant", input.path.display(), input.column);
-            return Err(refused("column", what));
-        }
+        let what = format!("{}: column '{}' has no value at any instant", input.path.display(), input.column);
+        refuse_if(input.values.iter().flatten().next().is_none(), "force", "column", what)?;
         let turned = joint.removed.iter().fold(0.0_f64, |most, motion| most.max(motion.rotation_rad.abs()));
         if turned > TURNED {
             found.push(remarks::force_turned(turned));

@@ -1,29 +1,16 @@
 //! The fit: starts, weights, end, and what is known of the result.
 
-use crate::identify::FitError;
-use crate::identify::cases::options::{FitOptions, RotationCheck};
-use crate::identify::doubt::discretisation::{Refined, Refinement};
-use crate::identify::doubt::misfit::Misfit;
-use crate::identify::doubt::plausibility::implausible_result;
-use crate::identify::doubt::released::Released;
-use crate::identify::doubt::released_width::ReleasedWidth;
-use crate::identify::doubt::rotations::Rotations;
-use crate::identify::doubt::verdict::{Grounds, LARGEST_STD, Verdict, curve_alone};
-use crate::identify::intervals::axes::Axes;
-use crate::identify::intervals::bootstrap::Base;
-use crate::identify::intervals::budget::{Budget, Ingredients, interval95};
-use crate::identify::intervals::constants::{ConstantEffect, ConstantKind};
-use crate::identify::intervals::intervals_::{IntervalBasis, settle};
-use crate::identify::intervals::statistics::Statistics;
+use crate::identify::doubt::verdict::curve_alone;
 use crate::identify::objective::estimated_boundary::estimate_boundary;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::unknowns::Unknowns;
-use crate::identify::objective::weights::{InverseCovariance, Weights};
-use crate::identify::result::fitted::{Fitted, FittedParameter, FittedQuantity, StartEnd, assess};
-use crate::identify::solve::far_starts::{further_start, other_minima, several_minima};
-use crate::identify::solve::stage::{COARSE, Stage, at, distance, full_weights, no_texture, reweight, run};
-use crate::identify::solve::trust_region::{End, FitStatus, Iteration, Local, TrustRegionOptions};
-use crate::identify::solve::watch::Ended;
+use crate::identify::solve::far_starts::{further_start, several_minima};
+use crate::identify::solve::stage::{at, distance, reweight, run};
+use crate::identify::{
+    Axes, Base, Budget, COARSE, ConstantEffect, ConstantKind, End, Ended, Evaluation, FitError, FitOptions, FitStatus,
+    Fitted, FittedParameter, FittedQuantity, Grounds, Ingredients, IntervalBasis, Iteration, LARGEST_STD, Local,
+    Misfit, Problem, Refined, Refinement, Released, ReleasedWidth, RotationCheck, Rotations, Stage, StartEnd,
+    Statistics, TrustRegionOptions, Unknown, Unknowns, Verdict, Weights, assess, full_weights, implausible_result,
+    interval95, other_minima, settle,
+};
 use crate::io::case::{Discretisation, Intervals, WeightKind};
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::{CohesiveLaw, LawLimit};
@@ -204,14 +191,7 @@ impl Minimum {
         let unknowns = &problem.unknowns;
         let measured = &problem.joint.boundary;
         let noisy_boundary = !problem.observation.prescribed.is_empty();
-        let mut weights = match options.weights {
-            // Without boundary noise the inverse covariance does not depend on the parameters.
-            WeightKind::Covariance if !noisy_boundary => {
-                let n = problem.observation.instants.len();
-                Weights::Inverse(InverseCovariance::new(&problem.noise, n, Vec::new()).map_err(no_texture)?)
-            }
-            kind => problem.diagonal_weights(kind),
-        };
+        let mut weights = problem.first_weights(options.weights)?;
         let starts: Vec<Vec<f64>> = std::iter::once(unknowns.start()).chain(options.starts.iter().cloned()).collect();
         let follows_data = options.weights == WeightKind::Covariance && noisy_boundary;
         let region = match follows_data && starts.len() == 1 {
@@ -398,8 +378,7 @@ fn appraise(
     if let Some(axes) = &axes {
         widen_to_minima(axes, unknowns, &budget, &mut parameters, &mut derived);
     }
-    let eigen = end.local.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
-    let singular_values: Vec<f64> = eigen.0.iter().rev().map(|v| v.max(0.0).sqrt()).collect();
+    let singular_values = end.local.singular_values()?;
     let doubts = appraisal.doubt(refined.as_ref().map(|refined| refined.change.as_slice()), &constants)?;
     let missing = appraisal.missing;
     let cut_short = problem.watch.ended().map(|ended| CutShort { ended, missing });
@@ -413,8 +392,6 @@ fn appraise(
         cut_short: cut_short.as_ref(),
     };
     let verdict = judge(problem, options, &end, &findings);
-    let mut history = end.stage.history;
-    history.iter_mut().for_each(|iteration| iteration.z = unknowns.unscaled(&iteration.z));
     let law = unknowns.law_at(x)?;
     Ok(Fit {
         derived,
@@ -428,7 +405,7 @@ fn appraise(
         reason: end.stage.reason,
         evaluations: end.stage.evaluations,
         rescued: end.stage.rescued,
-        history,
+        history: end.stage.history.into_iter().map(|iteration| iteration.unscaled(unknowns)).collect(),
         starts: end.starts,
         misfit: doubts.misfit,
         released: doubts.released,
@@ -580,9 +557,7 @@ fn at_limits(unknowns: &Unknowns, x: &[f64]) -> Vec<String> {
 }
 
 pub(crate) fn describe(unknowns: &Unknowns, x: &[f64]) -> String {
-    let named = |(unknown, x): (&crate::identify::objective::unknowns::Unknown, &f64)| {
-        format!("{} = {x}", unknown.parameter.name)
-    };
+    let named = |(unknown, x): (&Unknown, &f64)| format!("{} = {x}", unknown.parameter.name);
     unknowns.list().iter().zip(x).map(named).collect::<Vec<_>>().join(", ")
 }
 

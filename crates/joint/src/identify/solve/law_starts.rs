@@ -1,8 +1,7 @@
 //! Where the fit of a law starts that the case does not start: with the strengths and works of separation of one that
 //! it does.
 
-use crate::identify::cases::error::{FitError, wrong};
-use crate::identify::objective::unknowns::Unknowns;
+use crate::identify::{FitError, Unknowns, wrong};
 use crate::mechanics::cohesive::{
     Bilinear, CohesiveLaw, ExponentialDamage, ExtendedXuNeedleman, Jump, ParkPaulinoRoesler, SmithFerrante,
     Trapezoidal, XuNeedleman, law_by_name, parameters_by_name,
@@ -103,10 +102,8 @@ pub fn law_like(name: &str, like: &dyn CohesiveLaw) -> Option<Box<dyn CohesiveLa
 }
 
 /// The unknowns of the law called `name`, started with strengths and works of separation of `like`: all of its
-/// parameters but exponents and shapes that are known beforehand or not at all.
-///
-/// # Errors
-/// No such law; one that cannot be started so.
+/// parameters but exponents and shapes that are known beforehand or not at all. Errors: no such law; one that cannot be
+/// started so.
 pub(crate) fn start_law(name: &str, like: &dyn CohesiveLaw) -> Result<Unknowns, FitError> {
     parameters_by_name(name)?;
     let law = law_like(name, like).ok_or_else(|| {

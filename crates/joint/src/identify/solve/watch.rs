@@ -1,6 +1,6 @@
 //! What ends a fit from outside (a limit of time, a wish to stop), and who hears how it goes.
 
-use crate::identify::solve::trust_region::FitStatus;
+use crate::identify::FitStatus;
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
