@@ -50,7 +50,7 @@ pub use objective::load_cell::{LoadCell, LoadComparison};
 pub use objective::noise::{Noise, Precision};
 pub use objective::observation::{Observation, ObservedInstant, largest_without_rigid_motion};
 pub use objective::problem::{Evaluation, Problem};
-pub use objective::unknowns::{Scale, Unknown, Unknowns, WIDE};
+pub use objective::unknowns::{Asked, Scale, Unknown, Unknowns, WIDE};
 pub use objective::weights::{InverseCovariance, Weights};
 pub use result::derived::{Derived, derived};
 pub use result::fitted::{FittedParameter, FittedQuantity, StartEnd};

@@ -257,7 +257,7 @@ impl Model {
                 residual,
                 residuals: vec![residual],
                 sensitivities: sensitivity::at(self, law, &u, &arc.work, options),
-                ..Instant::not_reached()
+                ..Instant::default()
             });
         }
         let parameters = sensitivity::parameters(self, law, options);

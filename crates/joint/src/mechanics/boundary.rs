@@ -84,9 +84,15 @@ impl BoundaryHistory {
                 return Err(BoundaryFault::NotFinite { instant: k + 1, node: nodes[at] });
             }
         }
-        let (held, n) = (vec![[true; 2]; nodes.len()], instants.len());
-        let (block_instants, forces) = (vec![Vec::new(); n], vec![Vec::new(); n]);
-        Ok(Self { nodes, held, instants, blocks: Vec::new(), block_instants, loaded: Vec::new(), forces })
+        let (held, none) = (vec![[true; 2]; nodes.len()], Self::empty(instants.len()));
+        Ok(Self { nodes, held, instants, ..none })
+    }
+
+    /// A history of `n` instants in which nothing is prescribed.
+    fn empty(n: usize) -> Self {
+        let (nodes, held, blocks, loaded) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let [instants, block_instants, forces] = [(); 3].map(|()| vec![Vec::new(); n]);
+        Self { nodes, held, instants, blocks, block_instants, loaded, forces }
     }
 
     /// A history of `n` instants in which `drives` alone act.
@@ -97,16 +103,7 @@ impl BoundaryHistory {
         if n == 0 {
             return Err(BoundaryFault::NoInstant);
         }
-        let none = Self {
-            nodes: Vec::new(),
-            held: Vec::new(),
-            instants: vec![Vec::new(); n],
-            blocks: Vec::new(),
-            block_instants: vec![Vec::new(); n],
-            loaded: Vec::new(),
-            forces: vec![Vec::new(); n],
-        };
-        let made = none.with(drives)?;
+        let made = Self::empty(n).with(drives)?;
         if made.nodes.is_empty() && made.blocks.is_empty() { Err(BoundaryFault::NoNode) } else { Ok(made) }
     }
 

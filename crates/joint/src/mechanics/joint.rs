@@ -176,6 +176,12 @@ impl JointMesh {
         &self.interfaces
     }
 
+    /// Twice the way along the mid-line of an interface element, from its first pair to its second, mm.
+    pub(crate) fn twice_along(&self, [l1, l2, u1, u2]: [u32; 4]) -> [f64; 2] {
+        let at = |node: u32| self.nodes[node as usize];
+        [0, 1].map(|c| at(l2)[c] + at(u2)[c] - at(l1)[c] - at(u1)[c])
+    }
+
     /// Of each interface element, whether it is cracked: its faces press on each other where they meet, and hold
     /// nothing else.
     pub fn cracked(&self) -> &[bool] {

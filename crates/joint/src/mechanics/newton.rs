@@ -75,7 +75,7 @@ impl Model {
         let mut instants: Vec<Instant> = Vec::with_capacity(boundary.instants().len());
         for target in (0..boundary.instants().len()).map(|k| boundary.drive(k)) {
             if instants.last().is_some_and(|last| !last.status.converged()) {
-                instants.push(Instant::not_reached());
+                instants.push(Instant::default());
                 continue;
             }
             path.instant += 1;
@@ -133,7 +133,6 @@ pub(super) struct Path<'a> {
     go_on: &'a dyn Fn(usize) -> bool,
 }
 
-/// What an increment took.
 #[derive(Debug, Clone, Default)]
 struct Effort {
     iterations: u32,
@@ -190,7 +189,6 @@ impl<'a> Path<'a> {
         }
     }
 
-    /// Whether to go on with this instant.
     fn goes_on(&self) -> bool {
         (self.go_on)(self.instant)
     }
@@ -253,7 +251,7 @@ impl<'a> Path<'a> {
         let from = Drive { places: self.model.border(&self.u), forces: self.forces.clone() };
         let between = |share: f64| if share == 1.0 { target.clone() } else { from.between(target, share) };
         let smallest = 0.5_f64.powi(self.options.max_halvings as i32);
-        let mut instant = Instant { status: Status::Converged, ..Instant::not_reached() };
+        let mut instant = Instant { status: Status::Converged, ..Instant::default() };
         // Shares are sums of powers of two: exact.
         let (mut done, mut step) = (0.0, 1.0_f64);
         while done < 1.0 {
@@ -412,7 +410,6 @@ impl<'a> Path<'a> {
         }
     }
 
-    /// Which cracked pairs touch in a field.
     fn touching(&self, u: &[[f64; 2]]) -> Vec<bool> {
         self.model.jumps(u).iter().zip(&self.cracked).map(|(jump, cracked)| *cracked && jump.normal < 0.0).collect()
     }

@@ -6,7 +6,6 @@ use crate::linalg::SparsePattern;
 /// Place of a component that is prescribed, or of a matrix entry that is not stored.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// The unknowns of a block.
 #[derive(Debug)]
 pub(super) struct TiedBlock {
     /// Of its point along x and y, and of its rotation times its radius.

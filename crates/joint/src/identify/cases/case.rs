@@ -18,7 +18,7 @@ use crate::io::case::{
 use crate::io::joint::{JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunMatrix};
 use crate::io::run_case::RunCase;
 use crate::mechanics::cohesive::CohesiveLaw;
-use crate::mechanics::{Joint, law_of_case, materials_of_case};
+use crate::mechanics::{BoundaryHistory, Joint, law_of_case, materials_of_case};
 use crate::remark::Remark;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
@@ -213,7 +213,6 @@ fn weight_kind(measurement: &CaseMeasurement, of_run: bool, used: bool) -> Resul
     }
 }
 
-/// What the case says of the boundary.
 fn boundary_noise(measurement: &CaseMeasurement, is_measured: bool) -> Result<BoundaryNoise, FitError> {
     match measurement.boundary {
         Some(BoundaryNoise::Measured | BoundaryNoise::Estimated) if !is_measured => {
@@ -254,7 +253,6 @@ fn bootstrap(table: &CaseFit) -> Result<Option<usize>, FitError> {
     }
 }
 
-/// The unknown whose profile likelihood is asked for.
 fn profile_index(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<usize>, FitError> {
     let Some(name) = &table.profile else { return Ok(None) };
     let what = "profile needs two parameters or more: of one alone the interval says it all";
@@ -264,7 +262,6 @@ fn profile_index(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<usize>, 
     of_fit.ok_or_else(missing).map(Some)
 }
 
-/// The parameter of the law that is swept, and its values.
 fn sweep_of(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<(usize, Vec<f64>)>, FitError> {
     let wrong_sweep = |what: String| Err(wrong("fit", "sweep", what));
     let mut sweeps = table.sweep.iter();
@@ -372,12 +369,12 @@ fn starts(unknowns: &Unknowns, table: &CaseFit) -> Result<Vec<Vec<f64>>, FitErro
     Ok(starts)
 }
 
-/// The prescribed displacements at the prescribed nodes of the measured mesh, instant by instant.
-pub(crate) fn prescribed_as_measured(joint: &Joint) -> Vec<Vec<[f64; 2]>> {
-    let place: HashMap<u32, usize> = joint.boundary.nodes().iter().enumerate().map(|(k, &node)| (node, k)).collect();
+/// The displacements of `boundary` at the prescribed nodes of the measured mesh, instant by instant.
+pub(crate) fn prescribed_of(joint: &Joint, boundary: &BoundaryHistory) -> Vec<Vec<[f64; 2]>> {
+    let place: HashMap<u32, usize> = boundary.nodes().iter().enumerate().map(|(k, &node)| (node, k)).collect();
     let prescribed =
         |values: &Vec<[f64; 2]>| joint.measured.prescribed.iter().map(|node| values[place[node]]).collect();
-    joint.boundary.instants().iter().map(prescribed).collect()
+    boundary.instants().iter().map(prescribed).collect()
 }
 
 /// Measured displacements by instant (from 0) and node, without the rigid motion where it is taken off; and what is
@@ -513,7 +510,6 @@ fn instant_weights<'a>(
     Ok(factors)
 }
 
-/// Refuses more weights than there are instants.
 fn check_number(factors: &[f64], n_instants: usize) -> Result<(), FitError> {
     let what = format!("instant_weights has {} entries, but there are {n_instants} instants", factors.len());
     refuse_if(factors.len() > n_instants, "measurement", "instant_weights", what)
@@ -533,7 +529,7 @@ fn observation(
     let mut compared = vec![false; n_nodes];
     let chosen = compared_nodes(joint, input, measurement, &fields, found)?;
     chosen.iter().for_each(|&node| compared[node as usize] = true);
-    let given = prescribed_as_measured(joint);
+    let given = prescribed_of(joint, &joint.boundary);
     let of_border: HashMap<u32, usize> =
         joint.measured.prescribed.iter().enumerate().map(|(k, &node)| (node, k)).collect();
     let nodes: Vec<u32> = (0..n_nodes as u32)

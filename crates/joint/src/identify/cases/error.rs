@@ -113,7 +113,6 @@ impl FitError {
     }
 }
 
-/// Refuses fewer numbers than parameters.
 pub(crate) fn check_amount(n_data: usize, n_parameters: usize) -> Result<(), FitError> {
     match n_data < n_parameters {
         false => Ok(()),

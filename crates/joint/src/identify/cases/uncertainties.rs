@@ -144,7 +144,6 @@ fn constant(
     Constant { name: name.into(), kind, value, unit, std, source }
 }
 
-/// The width of the specimen.
 fn width(input: &JointInput, fit: &CaseFit, cell: &LoadCell) -> Result<Constant, FitError> {
     let (section, key) = ("force", "width_mm_std");
     let exact = exact_of("fit", fit.exact.as_ref(), &OF_FIT)?;

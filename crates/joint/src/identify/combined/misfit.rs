@@ -3,8 +3,7 @@
 use super::consistency::{Consistency, Pull, consistency};
 use crate::identify::doubt::misfit::Unexplained;
 use crate::identify::{
-    ConstantEffect, Evaluation, FALSE_REJECTIONS, FitError, Local, Misfit, MisfitGroup, Problem, Statistics, Weights,
-    full_weights, normal_tail, scale,
+    ConstantEffect, Evaluation, FitError, Local, Misfit, MisfitGroup, Problem, Statistics, Weights, full_weights, scale,
 };
 use crate::linalg::Dense;
 
@@ -159,22 +158,6 @@ fn together(names: &[&str], list: &[Misfit]) -> Misfit {
         };
         names.iter().zip(list).flat_map(named).collect()
     };
-    let (by_instant, by_region, by_both) =
-        (groups(|m| &m.by_instant), groups(|m| &m.by_region), groups(|m| &m.by_both));
-    let n_groups = by_instant.len() + by_region.len() + by_both.len();
-    Misfit {
-        omega,
-        freedom,
-        floor,
-        constants,
-        std,
-        z: (omega - expected) / std,
-        excess: omega / expected - 1.0,
-        tested: list.iter().all(|m| m.tested),
-        limit: list.first().map_or(0.0, |m| m.limit),
-        by_instant,
-        by_region,
-        by_both,
-        group_limit: normal_tail(FALSE_REJECTIONS / n_groups.max(1) as f64),
-    }
+    let groups = [groups(|m| &m.by_instant), groups(|m| &m.by_region), groups(|m| &m.by_both)];
+    Misfit::new([omega, freedom, constants], floor, (expected, std), list.iter().all(|m| m.tested), groups)
 }

@@ -18,7 +18,7 @@ pub(super) fn release(
     let of_all = tests.iter().map(|test| Some(test.problem.with_unknowns(trial.unknowns()?)));
     let Some(problems) = of_all.collect::<Option<Vec<Problem<'_>>>>() else { return Ok(None) };
     let free: Vec<Searched<'_>> =
-        problems.iter().zip(tests).map(|(problem, test)| Searched { problem, options: test.options }).collect();
+        problems.iter().zip(tests).map(|(problem, test)| Searched { problem, ..*test }).collect();
     let unknowns = &problems[0].unknowns;
     let end = run(&free, weights, &unknowns.start(), &Trial::region());
     let Some(local) = &end.local else { return Ok(None) };

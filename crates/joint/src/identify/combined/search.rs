@@ -14,6 +14,7 @@ const REWEIGHTINGS: usize = 5;
 
 /// One test of several, as the search sees it.
 pub(super) struct Searched<'a> {
+    pub name: &'a str,
     pub problem: &'a Problem<'a>,
     pub options: &'a FitOptions,
 }

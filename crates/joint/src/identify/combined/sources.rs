@@ -72,13 +72,9 @@ pub(super) fn combined_constants(
         }
     }
     // One that others have under the same name says whose it is.
-    let of_several: Vec<bool> = found
-        .iter()
-        .map(|one| {
-            let others = found.iter().filter(|other| other.constant.name == one.constant.name).count();
-            others > 1
-        })
-        .collect();
+    let namesakes =
+        |one: &CombinedConstant| found.iter().filter(|other| other.constant.name == one.constant.name).count();
+    let of_several: Vec<bool> = found.iter().map(|one| namesakes(one) > 1).collect();
     for (one, _) in found.iter_mut().zip(of_several).filter(|(_, several)| *several) {
         let owners: Vec<&str> = one.of.iter().zip(names).filter_map(|(of, name)| of.map(|_| *name)).collect();
         one.constant.name = format!("{} ({})", one.constant.name, owners.join(", "));
@@ -161,7 +157,7 @@ pub(super) fn effects(tests: &[Contribution<'_>], constants: &[CombinedConstant]
             scaled.iter_mut().zip(moved).for_each(|(sum, z)| *sum += z);
         }
         for (k, test) in tests.iter().enumerate() {
-            let law = test.law_change(&combined.constant, &scaled);
+            let law = test.problem.law_change(&combined.constant, &test.evaluation.x, &scaled);
             let (jumps, rows) = match found[k] {
                 Some(effect) => (effect.jumps.clone(), effect.rows.clone()),
                 None => test.still(),
@@ -192,20 +188,6 @@ impl Contribution<'_> {
             }
         }
         effects
-    }
-
-    /// Change of each parameter of the law for the change `scaled` of the unknowns and one of `constant`, where that is
-    /// one of them.
-    fn law_change(&self, constant: &Constant, scaled: &[f64]) -> Vec<f64> {
-        let unknowns = &self.problem.unknowns;
-        let mut law = vec![0.0; unknowns.law().parameters().len()];
-        if let ConstantKind::Law { index } = constant.kind {
-            law[index] = constant.std;
-        }
-        for ((unknown, slope), z) in unknowns.list().iter().zip(unknowns.slopes(&self.evaluation.x)).zip(scaled) {
-            law[unknown.index] = slope * z;
-        }
-        law
     }
 
     /// Jumps and rows that do not move.

@@ -84,7 +84,6 @@ fn worst_moves(of: &OfTests<'_>, consistency: &Consistency) -> String {
     if said.is_empty() { String::new() } else { format!("; {}", said.join(", ")) }
 }
 
-/// Which test determines which parameter.
 fn who_determines(of: &OfTests<'_>) -> Vec<String> {
     if of.shares.len() < 2 || of.shares.iter().any(|share| share.std_alone.len() != of.parameters.len()) {
         return Vec::new();
@@ -121,7 +120,6 @@ fn who_determines(of: &OfTests<'_>) -> Vec<String> {
     sentences
 }
 
-/// The tests that could be left out.
 fn nothing_new(of: &OfTests<'_>) -> Vec<String> {
     let said = |share: &TestShare| {
         format!("test \"{}\" adds nothing: without it every standard uncertainty is the same to 1 %", share.name)

@@ -2,7 +2,7 @@
 
 use crate::identify::solve::stage::run;
 use crate::identify::{
-    Evaluation, FitError, FitStatus, NORMAL_95, Problem, Statistics, TrustRegionOptions, Unknowns, Weights,
+    Asked, Evaluation, FitError, FitStatus, NORMAL_95, Problem, Statistics, TrustRegionOptions, Unknowns, Weights,
 };
 use crate::mechanics::BoundaryHistory;
 use crate::mechanics::cohesive::CohesiveLaw;
@@ -58,7 +58,7 @@ impl ReleasedParameter {
 pub(crate) struct Trial {
     law: Box<dyn CohesiveLaw>,
     /// As of [`Unknowns::new`]: those fitted, then those prescribed.
-    list: Vec<(usize, f64, Option<f64>, Option<f64>)>,
+    list: Vec<Asked>,
     fitted: usize,
 }
 
@@ -71,7 +71,7 @@ impl Trial {
     /// The trial from `x` on; `None` where nothing is prescribed, or `n_data` numbers are too few for it.
     pub fn new(unknowns: &Unknowns, x: &[f64], n_data: usize) -> Result<Option<Self>, FitError> {
         let law = unknowns.law_at(x)?;
-        let mut list: Vec<(usize, f64, Option<f64>, Option<f64>)> = (unknowns.list().iter().zip(x))
+        let mut list: Vec<Asked> = (unknowns.list().iter().zip(x))
             .map(|(unknown, &x)| (unknown.index, x, Some(unknown.bounds[0]), Some(unknown.bounds[1])))
             .collect();
         let fitted = list.len();
@@ -91,7 +91,7 @@ impl Trial {
     /// What the trial that ended so with the parameters `x`, each known to `std`, comes to.
     pub fn released(&self, status: FitStatus, x: &[f64], std: impl Fn(usize) -> Option<f64>, gain: f64) -> Released {
         let prescribed = &self.list[self.fitted..];
-        let parameter = |(k, &(index, prescribed, ..)): (usize, &(usize, f64, _, _))| ReleasedParameter {
+        let parameter = |(k, &(index, prescribed, ..)): (usize, &Asked)| ReleasedParameter {
             name: self.law.parameters()[index].name,
             prescribed,
             value: x[k],

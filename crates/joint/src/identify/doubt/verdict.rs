@@ -18,11 +18,12 @@ pub const LARGEST_NOISE_RATIO: f64 = 1.25;
 pub const LARGEST_FAILED: f64 = 0.2;
 
 /// What a fit comes to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Outcome {
     /// Every parameter asked for is known within its interval.
     Determined,
     /// The data leave some parameter open.
+    #[default]
     NotDetermined,
     /// The data contradict the model: its intervals are conditional on a model that is not true.
     Rejected,
@@ -40,7 +41,7 @@ impl Outcome {
 }
 
 /// The verdict on a fit.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Verdict {
     /// What it comes to.
     pub outcome: Outcome,

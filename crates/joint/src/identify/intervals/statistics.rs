@@ -55,12 +55,11 @@ impl Statistics {
             let (sigma, sigma_estimated) = (sigma2.sqrt(), unknown);
             return Ok(Some(Self { a, v, by_boundary, covariance, sigma, sigma_estimated, expected_omega }));
         };
-        let covariance = a.times(&spread).times(&a);
+        let mut covariance = a.times(&spread).times(&a);
         let taken: f64 =
             (0..a.n_rows()).map(|k| (0..a.n_rows()).map(|j| a[(k, j)] * spread[(j, k)]).sum::<f64>()).sum();
         let left = (unit - taken).max(f64::MIN_POSITIVE);
         let sigma2 = noise.sigma.map_or(local.omega / left, |sigma| sigma * sigma);
-        let mut covariance = covariance;
         scale(&mut covariance, sigma2);
         Ok(Some(Self {
             a,
@@ -71,6 +70,14 @@ impl Statistics {
             sigma_estimated: noise.sigma.is_none(),
             expected_omega: sigma2 * left,
         }))
+    }
+
+    /// How the scaled estimate moves when the computed displacements of the rows change by `moved`, a column for each
+    /// instant: `-A sum_i v_i^T U_i`.
+    pub fn shift(&self, moved: &[Dense]) -> Vec<f64> {
+        let mut sum = Dense::zeros(self.a.n_rows(), 1);
+        self.v.iter().zip(moved).for_each(|(v, moved)| sum.add(-1.0, &v.transposed_times(moved)));
+        self.a.times(&sum).column(0).to_vec()
     }
 }
 
@@ -106,16 +113,6 @@ impl Led {
         let unit = (1.0 + noise.common) * traces.iter().sum::<f64>();
         let spread = problem.spread(&v);
         Ok(Self { v, by_boundary, of_diagonal: Some((unit, spread)) })
-    }
-}
-
-impl Statistics {
-    /// How the scaled estimate moves when the computed displacements of the rows change by `moved`, a column for each
-    /// instant: `-A sum_i v_i^T U_i`.
-    pub fn shift(&self, moved: &[Dense]) -> Vec<f64> {
-        let mut sum = Dense::zeros(self.a.n_rows(), 1);
-        self.v.iter().zip(moved).for_each(|(v, moved)| sum.add(-1.0, &v.transposed_times(moved)));
-        self.a.times(&sum).column(0).to_vec()
     }
 }
 

@@ -1,7 +1,7 @@
 //! Prescribed displacements as unknowns beside the parameters, with their covariance (THEORY 7): it removes the bias
 //! that noise of the boundary makes through plasticity.
 
-use crate::identify::cases::case::prescribed_as_measured;
+use crate::identify::cases::case::prescribed_of;
 use crate::identify::solve::stage::at;
 use crate::identify::{
     Evaluation, FitError, FitOptions, FitStatus, Iteration, Noise, Problem, Stage, StepRegion, Weights, cone_step,
@@ -68,7 +68,7 @@ pub(crate) fn estimate_boundary(
     let n_instants = problem.observation.instants.len();
     let search = Search {
         problem,
-        given: prescribed_as_measured(problem.joint),
+        given: prescribed_of(problem.joint, &problem.joint.boundary),
         whole: problem.inverse_covariance(Vec::new())?,
         bounds: problem.unknowns.scaled_bounds(),
         number: stage.next_number(),

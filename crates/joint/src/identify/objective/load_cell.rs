@@ -7,7 +7,7 @@ use crate::identify::{FitError, wrong};
 use crate::io::case::{CaseDirection, CaseForce};
 use crate::io::joint::ForceInput;
 use crate::mechanics::cohesive::CohesiveLaw;
-use crate::mechanics::{Joint, Model, NodeGroup, ReactionAt, ReactionGauge, Solution};
+use crate::mechanics::{Instant, Joint, Model, NodeGroup, ReactionAt, ReactionGauge, Solution};
 use crate::remark::Remark;
 
 /// Rotation of the rigid motion that is taken off, rad, above which the direction of the force is named.
@@ -119,18 +119,12 @@ impl LoadCell {
 
     /// The measured forces beside those of `solution`; `None` where no instant has both.
     pub fn compare(&self, model: &Model, law: &dyn CohesiveLaw, solution: &Solution) -> Option<LoadComparison> {
-        let point = |(index, instant): (usize, &crate::mechanics::Instant)| {
+        let point = |(index, instant): (usize, &Instant)| {
             let measured = self.at(index).filter(|_| instant.status.converged())?;
             let computed = self.width_mm * self.reaction(model, law, &instant.displacement).value;
             Some((index + 1, measured, computed))
         };
         let points: Vec<(usize, f64, f64)> = solution.instants.iter().enumerate().filter_map(point).collect();
-        LoadComparison::new(points)
-    }
-}
-
-impl LoadComparison {
-    fn new(points: Vec<(usize, f64, f64)>) -> Option<Self> {
         let off = |(_, measured, computed): &(usize, f64, f64)| measured - computed;
         let n = points.len() as f64;
         let rms_n = (points.iter().map(|point| off(point).powi(2)).sum::<f64>() / n).sqrt();
@@ -138,9 +132,11 @@ impl LoadComparison {
         let largest = (off(worst), worst.0);
         let peak_n = points.iter().fold(0.0_f64, |most, (_, measured, _)| most.max(measured.abs()));
         let (both, square) = points.iter().fold((0.0, 0.0), |(both, square), (_, m, c)| (both + m * c, square + c * c));
-        Some(Self { rms_n, peak_n, largest, scale: (square > 0.0).then(|| both / square), points })
+        Some(LoadComparison { rms_n, peak_n, largest, scale: (square > 0.0).then(|| both / square), points })
     }
+}
 
+impl LoadComparison {
     /// In words: one line.
     pub fn text(&self, cell: &LoadCell) -> String {
         let share = |force: f64| if self.peak_n > 0.0 { 100.0 * force / self.peak_n } else { 0.0 };

@@ -382,18 +382,8 @@ fn appraise(
     let doubts = appraisal.doubt(refined.as_ref().map(|refined| refined.change.as_slice()), &constants)?;
     let missing = appraisal.missing;
     let cut_short = problem.watch.ended().map(|ended| CutShort { ended, missing });
-    let findings = Findings {
-        parameters: &parameters,
-        derived: &derived,
-        intervals: intervals.as_ref(),
-        doubts: &doubts,
-        rotations: rotations.as_ref(),
-        axes: axes.as_ref(),
-        cut_short: cut_short.as_ref(),
-    };
-    let verdict = judge(problem, options, &end, &findings);
     let law = unknowns.law_at(x)?;
-    Ok(Fit {
+    let mut fit = Fit {
         derived,
         parameters,
         values: law.values(),
@@ -410,7 +400,7 @@ fn appraise(
         misfit: doubts.misfit,
         released: doubts.released,
         width: doubts.width,
-        verdict,
+        verdict: Verdict::default(),
         constants,
         budget,
         remarks: implausible_result(problem, &*law),
@@ -423,57 +413,47 @@ fn appraise(
         largest_correction: end.largest_correction,
         cut_short,
         axes,
-    })
+    };
+    fit.verdict = judge(problem, options, &fit, &end.local.h);
+    Ok(fit)
 }
 
-/// What the verdict on a fit rests on, beside where it ended.
-struct Findings<'a> {
-    parameters: &'a [FittedParameter],
-    derived: &'a [FittedQuantity],
-    intervals: Option<&'a IntervalBasis>,
-    doubts: &'a Doubts,
-    rotations: Option<&'a Rotations>,
-    axes: Option<&'a Axes>,
-    cut_short: Option<&'a CutShort>,
-}
-
-/// Judges the fit that ended at `end`.
-fn judge(problem: &Problem<'_>, options: &FitOptions, end: &Minimum, of: &Findings<'_>) -> Verdict {
-    let unfinished = reasons_unfinished(end.stage.status, of.cut_short, &problem.unknowns, &end.evaluation.x);
-    let statistics = end.statistics.as_ref();
+/// Judges a fit, at whose end the normal matrix is `h`.
+fn judge(problem: &Problem<'_>, options: &FitOptions, of: &Fit, h: &Dense) -> Verdict {
+    let unfinished = reasons_unfinished(of.status, of.cut_short.as_ref(), &problem.unknowns, &of.evaluation.x);
+    let statistics = of.statistics.as_ref();
     let noise = statistics.map(|statistics| &statistics.covariance);
-    let missing =
-        if options.doubt { problem.missing_mode(&end.evaluation, &end.local.h, noise, LARGEST_STD) } else { None };
+    let missing = if options.doubt { problem.missing_mode(&of.evaluation, h, noise, LARGEST_STD) } else { None };
     // Whether the data tell the parameters apart is a question to the noise: one wrong constant moves all of them
     // together.
     let of_noise = noise.map(|covariance| correlation_of(covariance, statistics));
     let verdict = match &of_noise {
-        None => Verdict::singular(of.parameters, unfinished, missing.as_ref()),
+        None => Verdict::singular(&of.parameters, unfinished, missing.as_ref()),
         Some(correlation) => {
-            let released = of.doubts.released.as_ref();
+            let released = of.released.as_ref();
             let prescribed =
                 released.map_or(Vec::new(), |released| problem.prescribed_std(released, &options.constants));
             let grounds = Grounds {
                 correlation,
-                misfit: of.doubts.misfit.as_ref(),
+                misfit: of.misfit.as_ref(),
                 released,
-                width: of.doubts.width.as_ref(),
+                width: of.width.as_ref(),
                 released_std: &prescribed,
-                intervals: of.intervals,
+                intervals: of.intervals.as_ref(),
                 noise_ratio: problem.noise.ratio,
                 given: problem.given(),
                 unfinished,
                 missing,
             };
-            Verdict::new(of.parameters, &grounds)
+            Verdict::new(&of.parameters, &grounds)
         }
     };
-    let judged = of.rotations.filter(|_| options.rotations == RotationCheck::Judged);
-    let mut verdict = verdict.with_rotations(judged, of.parameters);
+    let judged = of.rotations.as_ref().filter(|_| options.rotations == RotationCheck::Judged);
+    let mut verdict = verdict.with_rotations(judged, &of.parameters);
     if problem.observation.nodes.is_empty() && statistics.is_some() {
-        verdict.sentences.push(curve_alone(of.parameters, of.derived));
+        verdict.sentences.push(curve_alone(&of.parameters, &of.derived));
     }
-    if let Some(others) = of.axes.map(Axes::n_others).filter(|others| *others > 0) {
+    if let Some(others) = of.axes.as_ref().map(Axes::n_others).filter(|others| *others > 0) {
         verdict.sentences.push(several_minima(problem.unknowns.law().name(), others));
     }
     verdict

@@ -107,7 +107,6 @@ impl Orthotropic {
         Ok(Self { values: values.to_vec(), plane, stiffness, by: all })
     }
 
-    /// Stress out of the plane.
     fn out_of_plane(&self, Stress([x, y, shear]): Stress) -> f64 {
         if self.plane == PlaneState::PlaneStress {
             return 0.0;
