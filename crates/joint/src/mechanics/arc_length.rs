@@ -5,13 +5,11 @@
 //! instead is how far the jumps of the adhesive go along the path's tangent (a normal plane in the space of the jumps:
 //! what happens in a brittle joint happens there, and the strips only follow).
 
-use super::boundary::{BoundaryHistory, Drive};
 use super::cohesive::{CohesiveLaw, Jump};
-use super::error::ModelError;
-use super::model::{Model, Stiffness, Work};
-use super::newton::{ForwardOptions, Path};
 use super::sensitivity;
-use super::solution::{Instant, Sensitivity, Solution, Status};
+use super::{
+    BoundaryHistory, Drive, ForwardOptions, Instant, Model, ModelError, Path, Solution, Status, Stiffness, Work,
+};
 
 /// How a path is followed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,20 +71,13 @@ struct Arc<'a> {
 impl Arc<'_> {
     /// What changes in the unit of time that `time` lies in.
     fn rate(&self, time: f64) -> Drive {
-        let k = (time.floor().max(0.0) as usize).min(self.boundary.instants().len() - 1);
-        let from = if k == 0 { self.boundary.rest() } else { self.boundary.drive(k - 1) };
+        let (k, from) = self.boundary.drive_before(time);
         self.boundary.drive(k).less(&from)
-    }
-
-    fn drive(&self, time: f64) -> Drive {
-        let k = (time.floor().max(0.0) as usize).min(self.boundary.instants().len() - 1);
-        let from = if k == 0 { self.boundary.rest() } else { self.boundary.drive(k - 1) };
-        from.between(&self.boundary.drive(k), time - k as f64)
     }
 
     /// Stiffness and its factor at `u`, `time`; false where there is none.
     fn assemble(&mut self, u: &[[f64; 2]], time: f64) -> bool {
-        self.work.loads = self.drive(time).forces;
+        self.work.loads = self.boundary.drive_at(time).forces;
         self.model.assemble(self.law, u, Stiffness::Tangent, &mut self.work);
         self.work.factor.refactor(&self.work.matrix).is_ok()
     }
@@ -126,7 +117,7 @@ impl Arc<'_> {
         let before = self.model.jumps(u);
         let goal = step * self.along(tangent, tangent);
         let (mut field, mut now) = (u.to_vec(), time + step);
-        self.model.set_border(&self.drive(now).places, &mut field);
+        self.model.set_border(&self.boundary.drive_at(now).places, &mut field);
         self.model.add_to_field(start, step, &mut field);
         let mut last = f64::INFINITY;
         for iteration in 1..=ITERATIONS {
@@ -141,9 +132,7 @@ impl Arc<'_> {
             }
             last = largest;
             let jumps = self.model.jumps(&field);
-            let change: Vec<Jump> = (jumps.iter().zip(&before))
-                .map(|(a, b)| Jump { normal: a.normal - b.normal, tangential: a.tangential - b.tangential })
-                .collect();
+            let change: Vec<Jump> = jumps.iter().zip(&before).map(|(a, b)| *a - *b).collect();
             let off = self.along(&change, tangent) - goal;
             let mut values: Vec<f64> = residual.iter().map(|force| -force).collect();
             self.work.factor.solve(&mut values);
@@ -157,7 +146,7 @@ impl Arc<'_> {
                 return None;
             }
             now += more;
-            self.model.set_border(&self.drive(now).places, &mut field);
+            self.model.set_border(&self.boundary.drive_at(now).places, &mut field);
             let all: Vec<f64> = values.iter().zip(&speed).map(|(a, b)| a + more * b).collect();
             self.model.add_to_field(&all, 1.0, &mut field);
             // One more correction was made: the error left is the square.
@@ -240,11 +229,11 @@ impl Model {
                 // What is left is a step of its own, to the end of the history.
                 let yes = |_: usize| true;
                 let mut path = Path::new(self, law, boundary, options.newton, &yes);
-                path.start_at(&u, &arc.drive(time).forces);
+                path.start_at(&u, &boundary.drive_at(time).forces);
                 let mut last = path.advance(&boundary.drive(boundary.instants().len() - 1));
                 if last.status == Status::Converged {
                     arc.work = path.into_work();
-                    last.sensitivities = arc.sensitivities(&last.displacement, options);
+                    last.sensitivities = sensitivity::at(self, law, &last.displacement, &arc.work, options);
                     times.push(n);
                     instants.push(last);
                     end = PathEnd::Last;
@@ -254,11 +243,7 @@ impl Model {
                 break;
             }
             let (before, after) = (self.jumps(&u), self.jumps(&field));
-            turn = Some(
-                (after.iter().zip(&before))
-                    .map(|(a, b)| Jump { normal: a.normal - b.normal, tangential: a.tangential - b.tangential })
-                    .collect(),
-            );
+            turn = Some(after.iter().zip(&before).map(|(a, b)| *a - *b).collect());
             if iterations <= FEW {
                 share = (1.5 * share).min(1.0);
             }
@@ -271,33 +256,12 @@ impl Model {
                 halvings: halvings as u32,
                 residual,
                 residuals: vec![residual],
-                sensitivities: arc.sensitivities(&u, options),
-                ..Instant::not_reached()
+                sensitivities: sensitivity::at(self, law, &u, &arc.work, options),
+                ..Instant::default()
             });
         }
-        let mut parameters = Vec::new();
-        if options.law_sensitivities {
-            parameters.extend(law.parameters().iter().map(|&parameter| Sensitivity { parameter, group: None }));
-        }
-        if options.substrate_sensitivities {
-            for (group, material) in self.materials().iter().enumerate() {
-                let of_group = |&parameter| Sensitivity { parameter, group: Some(group) };
-                parameters.extend(material.parameters().iter().map(of_group));
-            }
-        }
+        let parameters = sensitivity::parameters(self, law, options);
         let boundary = boundary.at_times(&times);
         Ok(Followed { times, boundary, solution: Solution { instants, parameters }, end })
-    }
-}
-
-impl Arc<'_> {
-    /// Those that `options` ask for, with the factor of the last assembly.
-    fn sensitivities(&self, u: &[[f64; 2]], options: &ForwardOptions) -> Vec<Vec<[f64; 2]>> {
-        if !(options.law_sensitivities || options.substrate_sensitivities) {
-            return Vec::new();
-        }
-        let groups = if options.substrate_sensitivities { self.model.mesh().groups().len() } else { 0 };
-        let rhs = sensitivity::pseudo_loads(self.model, self.law, u, &self.work, options.law_sensitivities, groups);
-        sensitivity::solve(self.model, &self.work, &rhs)
     }
 }

@@ -1,7 +1,6 @@
 //! What is prescribed: the displacements of the outer border at every instant.
 
-use super::error::BoundaryFault;
-use super::supports::{RigidBlock, Supports};
+use super::{BoundaryFault, RigidBlock, Supports};
 use crate::field::RigidMotion;
 use std::collections::{HashMap, HashSet};
 
@@ -85,9 +84,15 @@ impl BoundaryHistory {
                 return Err(BoundaryFault::NotFinite { instant: k + 1, node: nodes[at] });
             }
         }
-        let (held, n) = (vec![[true; 2]; nodes.len()], instants.len());
-        let (block_instants, forces) = (vec![Vec::new(); n], vec![Vec::new(); n]);
-        Ok(Self { nodes, held, instants, blocks: Vec::new(), block_instants, loaded: Vec::new(), forces })
+        let (held, none) = (vec![[true; 2]; nodes.len()], Self::empty(instants.len()));
+        Ok(Self { nodes, held, instants, ..none })
+    }
+
+    /// A history of `n` instants in which nothing is prescribed.
+    fn empty(n: usize) -> Self {
+        let (nodes, held, blocks, loaded) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let [instants, block_instants, forces] = [(); 3].map(|()| vec![Vec::new(); n]);
+        Self { nodes, held, instants, blocks, block_instants, loaded, forces }
     }
 
     /// A history of `n` instants in which `drives` alone act.
@@ -98,16 +103,7 @@ impl BoundaryHistory {
         if n == 0 {
             return Err(BoundaryFault::NoInstant);
         }
-        let none = Self {
-            nodes: Vec::new(),
-            held: Vec::new(),
-            instants: vec![Vec::new(); n],
-            blocks: Vec::new(),
-            block_instants: vec![Vec::new(); n],
-            loaded: Vec::new(),
-            forces: vec![Vec::new(); n],
-        };
-        let made = none.with(drives)?;
+        let made = Self::empty(n).with(drives)?;
         if made.nodes.is_empty() && made.blocks.is_empty() { Err(BoundaryFault::NoNode) } else { Ok(made) }
     }
 
@@ -237,17 +233,24 @@ impl BoundaryHistory {
         }
     }
 
+    /// The instant (from 0) that `time` (0: rest, k: instant k from 1) leads to, and what is before it.
+    pub(super) fn drive_before(&self, time: f64) -> (usize, Drive) {
+        let k = (time.floor().max(0.0) as usize).min(self.instants.len() - 1);
+        (k, if k == 0 { self.rest() } else { self.drive(k - 1) })
+    }
+
+    /// Border and forces at `time`, between the instants.
+    pub(super) fn drive_at(&self, time: f64) -> Drive {
+        let (k, from) = self.drive_before(time);
+        from.between(&self.drive(k), time - k as f64)
+    }
+
     /// The same supports and loads at other times: at each of `times` (0: rest, k: instant k) what is between the
     /// instants.
     #[must_use]
     pub fn at_times(&self, times: &[f64]) -> Self {
-        let drive = |time: f64| {
-            let k = (time.floor().max(0.0) as usize).min(self.instants.len() - 1);
-            let from = if k == 0 { self.rest() } else { self.drive(k - 1) };
-            from.between(&self.drive(k), time - k as f64)
-        };
         let n = self.nodes.len();
-        let drives: Vec<Drive> = times.iter().map(|&time| drive(time)).collect();
+        let drives: Vec<Drive> = times.iter().map(|&time| self.drive_at(time)).collect();
         Self {
             instants: drives.iter().map(|drive| drive.places[..n].to_vec()).collect(),
             block_instants: drives.iter().map(|drive| drive.places[n..].to_vec()).collect(),

@@ -1,18 +1,15 @@
 //! A joint as its case file describes it: mesh, materials, law and prescribed displacements, ready to run.
 
-use super::boundary::{BoundaryHistory, Drives};
-use super::case_error::{JointError, OF_MESH, wrong};
+use super::case_error::OF_MESH;
 use super::cohesive::{CohesiveLaw, ExtendedXuNeedleman, LAW_NAMES, Parameter, law_by_name, parameters_by_name};
 use super::drives::{drives_of_case, nodes_of_group};
-use super::element::{Kinematics, Quadrature};
-use super::error::BoundaryFault;
-use super::groups::{NodeGroup, select_nodes};
-use super::joint::{Carry, JointMesh};
-use super::model::{Model, ModelOptions};
-use super::parts::JointParts;
 use super::remarks;
 use super::substrate::{
     PlaneState, RambergOsgood, SUBSTRATE_NAMES, SubstrateLaw, Tabulated, substrate_by_name, substrate_parameters,
+};
+use super::{
+    BoundaryFault, BoundaryHistory, Carry, Drives, JointError, JointMesh, JointParts, Kinematics, Model, ModelOptions,
+    NodeGroup, Quadrature, select_nodes, wrong,
 };
 use crate::field::RigidMotion;
 use crate::io::case::{
@@ -21,6 +18,7 @@ use crate::io::case::{
 use crate::io::joint::{BoundaryInput, BoundaryTable, JointInput, JointMeshFile, JointRun, MeshInput};
 use crate::remark::Remark;
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Share of an element's size by which a node of a table may lie beside that of the mesh: more than any rounding of
@@ -257,7 +255,11 @@ fn from_table(
                 || format!("the mesh has {} nodes", mesh.nodes().len()),
                 |[x, y]| format!("the mesh has it at ({x}, {y}) mm"),
             );
-            return Err(JointError::NotInMesh { path: table.path.clone(), node, x: at[0], y: at[1], there });
+            let [x, y] = at;
+            return Err(JointError::Boundary(format!(
+                "{}: node {node} at ({x}, {y}) mm is not a node of the mesh: {there}; nodes are counted from 0, y is up",
+                table.path.display()
+            )));
         };
         nodes.push(found as u32);
     }
@@ -267,26 +269,39 @@ fn from_table(
     let missing = |border: &[u32]| border.iter().copied().find(|&node| !given[node as usize] && !ends.contains(&node));
     if let Some(node) = file.and_then(|file| file.prescribed.as_deref()).and_then(missing) {
         let [x, y] = mesh.nodes()[node as usize];
-        return Err(JointError::NotPrescribed { path: table.path.clone(), node, x, y });
+        return Err(JointError::Boundary(format!(
+            "{}: there is no row for node {node} at ({x}, {y}) mm, which the mesh file has among its prescribed nodes; give its \
+             displacement at every instant, or take it off that list",
+            table.path.display()
+        )));
     }
     let free: Vec<u32> = mesh.outer_nodes().into_iter().filter(|&node| !given[node as usize]).collect();
     found.extend(remarks::border_free(&free));
-    BoundaryHistory::new(nodes, table.instants.clone())
-        .map_err(|fault| JointError::Boundary { path: table.path.clone(), fault })
+    history(nodes, table.instants.clone(), &table.path)
 }
 
 /// The measured displacements of the outer nodes, frame by frame.
 fn from_run(run: &JointRun, mesh: &JointMesh, found: &mut Vec<Remark>) -> Result<BoundaryHistory, JointError> {
-    let path = || run.path.clone();
     found.extend(remarks::frames_left_out(&run.left_out));
     let nodes = mesh.outer_nodes();
     let mut instants = Vec::with_capacity(run.instants.len());
     for (&frame, field) in run.frames.iter().zip(&run.instants) {
-        let at =
-            |&node: &u32| field[node as usize].ok_or_else(|| JointError::NotMeasured { path: path(), frame, node });
+        let missing = |node: u32| {
+            JointError::Boundary(format!(
+                "{}: frame {frame} has no displacement at node {node} of the outer border; correlate with fewer frames or another \
+                 region",
+                run.path.display()
+            ))
+        };
+        let at = |&node: &u32| field[node as usize].ok_or_else(|| missing(node));
         instants.push(nodes.iter().map(at).collect::<Result<_, _>>()?);
     }
-    BoundaryHistory::new(nodes, instants).map_err(|fault| JointError::Boundary { path: path(), fault })
+    history(nodes, instants, &run.path)
+}
+
+fn history(nodes: Vec<u32>, instants: Vec<Vec<[f64; 2]>>, path: &Path) -> Result<BoundaryHistory, JointError> {
+    let refused = |fault| JointError::Boundary(format!("{}: {fault}", path.display()));
+    BoundaryHistory::new(nodes, instants).map_err(refused)
 }
 
 /// The values of a law's parameters, when no other keys are there than those, `others`, and what states uncertainties

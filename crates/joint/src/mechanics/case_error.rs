@@ -1,10 +1,9 @@
 //! Why the content of a case file makes no joint.
 
 use super::cohesive::LawError;
-use super::error::{BoundaryFault, MeshFault, ModelError};
 use super::substrate::SubstrateError;
+use super::{BoundaryFault, MeshFault, ModelError};
 use crate::io::case::heading;
-use std::path::PathBuf;
 use thiserror::Error;
 
 /// Why the content of a case file makes no joint.
@@ -35,53 +34,12 @@ pub enum JointError {
         /// What is wrong with it.
         fault: MeshFault,
     },
-    /// Displacements that cannot be used.
-    #[error("{}: {fault}", path.display())]
-    Boundary {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        fault: BoundaryFault,
-    },
+    /// Prescribed displacements that cannot be used, with their file.
+    #[error("{0}")]
+    Boundary(String),
     /// Supports or loads that cannot be.
     #[error("[[support]] {0}")]
     Drives(BoundaryFault),
-    /// A node of the table that the mesh does not have.
-    #[error("{}: node {node} at ({x}, {y}) mm is not a node of the mesh: {there}; nodes are counted from 0, y is up", path.display())]
-    NotInMesh {
-        /// The table.
-        path: PathBuf,
-        /// The node.
-        node: u32,
-        /// Where the table has it, mm.
-        x: f64,
-        /// Where the table has it, mm.
-        y: f64,
-        /// What the mesh has instead.
-        there: String,
-    },
-    /// A node that the mesh file says is prescribed, without a row.
-    #[error("{}: there is no row for node {node} at ({x}, {y}) mm, which the mesh file has among its prescribed nodes; give its displacement at every instant, or take it off that list", path.display())]
-    NotPrescribed {
-        /// The table.
-        path: PathBuf,
-        /// The node.
-        node: u32,
-        /// Its position, mm.
-        x: f64,
-        /// Its position, mm.
-        y: f64,
-    },
-    /// A node of the outer border that was not measured.
-    #[error("{}: frame {frame} has no displacement at node {node} of the outer border; correlate with fewer frames or another region", path.display())]
-    NotMeasured {
-        /// The run.
-        path: PathBuf,
-        /// The frame.
-        frame: usize,
-        /// The node.
-        node: u32,
-    },
     /// A border that does not hold the mesh.
     #[error("[boundary] {0}")]
     Model(#[from] ModelError),

@@ -1,18 +1,11 @@
 //! Supports and loads of a case file, for the nodes of a mesh.
 
-use super::boundary::Drives;
-use super::case_error::{JointError, wrong};
-use super::groups::{NodeGroup, select_nodes};
-use super::joint::{Carry, JointMesh};
-use super::parts::border_edges;
-use super::supports::RigidBlock;
+use super::{Carry, Drives, JointError, JointMesh, NodeGroup, RigidBlock, border_edges, select_nodes, wrong};
 use crate::io::case::{CaseNodeGroup, CaseTied};
 use crate::io::joint::{History, JointInput, MeshInput};
 
-/// The nodes of the case's group `name`, of `[groups]` or of the mesh file, in the mesh that `carry` leads to.
-///
-/// # Errors
-/// No such group, a condition that is none, a node that is not there, a group without nodes.
+/// The nodes of the case's group `name`, of `[groups]` or of the mesh file, in the mesh that `carry` leads to. Errors:
+/// no such group, a condition that is none, a node that is not there, a group without nodes.
 pub(super) fn nodes_of_group(
     input: &JointInput,
     name: &str,
@@ -47,10 +40,7 @@ pub(super) fn nodes_of_group(
 }
 
 /// The supports and loads of a case, and the number of instants that they have; `instants` is that of the border, where
-/// there is one.
-///
-/// # Errors
-/// A group that is not there or has no nodes, a support of nothing, lists of different lengths.
+/// there is one. Errors: a group that is not there or has no nodes, a support of nothing, lists of different lengths.
 pub(super) fn drives_of_case(
     input: &JointInput,
     mesh: &JointMesh,

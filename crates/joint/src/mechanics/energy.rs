@@ -15,14 +15,10 @@
 //! changes any more. Forces do work where their nodes go, `int f . du = [f . u] - int u . df`: what is summed along the
 //! path is the last term, which needs no velocity.
 
-use super::boundary::{BoundaryHistory, Drive};
 use super::cohesive::CohesiveLaw;
-use super::groups::NodeGroup;
-use super::model::{Model, Stiffness, Work};
-use super::newton::{NewtonOptions, Path};
 use super::path_work::{Piece, Rates, State};
-use super::solution::{Solution, Status};
 use super::substrate::SubstrateEnergy;
+use super::{BoundaryHistory, Drive, Model, NewtonOptions, NodeGroup, Path, Solution, Status, Stiffness, Work};
 
 /// Energies at an instant, N mm per mm of width (mJ/mm).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -103,9 +99,6 @@ struct Follower<'a> {
 impl Model {
     /// The reaction of each of `groups` under the displacements `u`, a solution: the force from outside on its nodes
     /// (of supports, blocks and loads), N per mm of width.
-    ///
-    /// # Panics
-    /// When `u` has not one displacement per node.
     pub fn reactions(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]], groups: &[NodeGroup]) -> Vec<[f64; 2]> {
         let forces = self.forces(law, u);
         let sum = |group: &NodeGroup| {
@@ -119,9 +112,6 @@ impl Model {
     }
 
     /// Elastic energy and plastic work of the strips under the displacements `u`.
-    ///
-    /// # Panics
-    /// When `u` has not one displacement per node.
     pub fn strip_energy(&self, u: &[[f64; 2]]) -> SubstrateEnergy {
         self.each_strain(u).fold(SubstrateEnergy::default(), |sum, (law, weight, strain)| {
             let energy = law.energy(strain);
@@ -303,16 +293,13 @@ impl Follower<'_> {
 
     /// The work as of a force that changes evenly, and jumps that go straight.
     fn trapezoid(&self, a: &State, b: &State) -> Sums {
-        let piece = Piece::straight(self.model, self.law, a, b);
-        Sums {
-            work: 0.5 * (b.share - a.share) * (self.power(a) + self.power(b)),
-            adhesive: piece.adhesive(self.per_length()),
-        }
+        let [_, adhesive] = Piece { model: self.model, law: self.law, states: vec![a, b] }.interface(self.per_length());
+        Sums { work: 0.5 * (b.share - a.share) * (self.power(a) + self.power(b)), adhesive }
     }
 
     /// The sums from `a` over `m` to `b` along the parabola through them.
     fn parabola(&self, a: &State, m: &State, b: &State) -> Sums {
-        let piece = Piece::parabola(self.model, self.law, [a, m, b]);
+        let piece = Piece { model: self.model, law: self.law, states: vec![a, m, b] };
         let width = b.share - a.share;
         let [by_interface, adhesive] = piece.interface(self.per_length());
         let loads = [a, b].map(|state| self.from.between(&self.to, state.share).forces);

@@ -250,24 +250,9 @@ pub enum ModelError {
         /// How many of its nodes are prescribed.
         prescribed: usize,
     },
-    /// A body that can move freely.
-    #[error(
-        "{what} can {motion} freely: nothing holds it; add a [[support]] that does (a roller holds one component, adhesive joins bodies, faces that only touch do not)"
-    )]
-    Mechanism {
-        /// Which body.
-        what: String,
-        /// What it can do.
-        motion: String,
-    },
-    /// A rigid block that has no rotation.
-    #[error(
-        "the rigid block \"{block}\" needs two nodes that its rotation moves against each other; tied along y alone they must differ in x"
-    )]
-    NoBody {
-        /// Its name.
-        block: String,
-    },
+    /// Supports that leave a body free, a rigid block that is no body, a node with two masters.
+    #[error("{0}")]
+    Supports(String),
     /// A block on rollers in a model with finite rotations.
     #[error(
         "the rigid block \"{block}\" is tied in one component alone, which is for small rotations; with kinematics = \"finite\" tie both"
@@ -275,18 +260,6 @@ pub enum ModelError {
     LeverTurns {
         /// Its name.
         block: String,
-    },
-    /// A node with two masters.
-    #[error(
-        "node {node} of the rigid block \"{block}\" is held along {component} by a support or another block too; take it out of one of them"
-    )]
-    TiedTwice {
-        /// The block.
-        block: String,
-        /// The node.
-        node: u32,
-        /// `x` or `y`.
-        component: &'static str,
     },
     /// Another number of materials than groups.
     #[error("{given} materials for {needed} groups of elements; give one for each")]

@@ -1,6 +1,6 @@
 //! Named groups of nodes: where reactions are summed.
 
-use super::joint::JointMesh;
+use super::JointMesh;
 
 /// Nodes with a name.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -1,8 +1,6 @@
 //! Whether supports hold a joint: what is refused before anything is computed.
 
-use super::error::ModelError;
-use super::joint::JointMesh;
-use super::supports::Supports;
+use super::{JointMesh, ModelError, Supports};
 use nalgebra::{DMatrix, DVector};
 
 /// Refuses nodes that are not there, nodes that are held or tied twice, blocks that are no bodies, and bodies that
@@ -17,7 +15,11 @@ pub(super) fn check(supports: &Supports, mesh: &JointMesh, small: bool) -> Resul
     supports.nodes.iter().zip(&supports.held).for_each(|(&node, held)| taken[node as usize] = *held);
     for block in &supports.blocks {
         if !block.tied.contains(&true) || block.nodes.is_empty() || block.radius(mesh.nodes()) == 0.0 {
-            return Err(ModelError::NoBody { block: block.name.clone() });
+            return Err(ModelError::Supports(format!(
+                "the rigid block \"{}\" needs two nodes that its rotation moves against each other; tied along y alone they must \
+                 differ in x",
+                block.name
+            )));
         }
         if !small && block.tied != [true; 2] {
             return Err(ModelError::LeverTurns { block: block.name.clone() });
@@ -25,15 +27,22 @@ pub(super) fn check(supports: &Supports, mesh: &JointMesh, small: bool) -> Resul
         for &node in &block.nodes {
             for c in (0..2).filter(|&c| block.tied[c]) {
                 if std::mem::replace(&mut taken[node as usize][c], true) {
-                    let component = ["x", "y"][c];
-                    return Err(ModelError::TiedTwice { block: block.name.clone(), node, component });
+                    return Err(ModelError::Supports(format!(
+                        "node {node} of the rigid block \"{}\" is held along {} by a support or another block too; take it out of one \
+                         of them",
+                        block.name,
+                        ["x", "y"][c]
+                    )));
                 }
             }
         }
     }
     match free_motion(supports, mesh) {
         None => Ok(()),
-        Some((what, motion)) => Err(ModelError::Mechanism { what, motion }),
+        Some((what, motion)) => Err(ModelError::Supports(format!(
+            "{what} can {motion} freely: nothing holds it; add a [[support]] that does (a roller holds one component, adhesive joins \
+             bodies, faces that only touch do not)"
+        ))),
     }
 }
 

@@ -8,10 +8,7 @@
 //! zone that is J, whatever `q` does beyond.
 
 use super::cohesive::{CohesiveLaw, Jump, Touching, Traction};
-use super::element::Kinematics;
-use super::model::Model;
-use super::path_work::works_along;
-use super::solution::{Instant, Solution};
+use super::{Instant, Kinematics, Model, Solution, works_along};
 use nalgebra::{Matrix2, Vector2};
 use thiserror::Error;
 
@@ -92,9 +89,6 @@ impl Model {
     ///
     /// # Errors
     /// See [`JFault`].
-    ///
-    /// # Panics
-    /// When `u` has not one displacement per node.
     pub fn j_integral(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]]) -> Result<JIntegral, JFault> {
         let line = self.line().ok_or(JFault::Curved)?;
         let jumps = self.jumps(u);

@@ -1,9 +1,7 @@
 //! The mesh of a joint: quadrilaterals of the strips, interface elements of the adhesive.
 
-use super::boundary::BoundaryHistory;
-use super::element::{Interface, Kinematics, Q4, Quadrature};
-use super::error::MeshFault;
-use super::parts::{JointParts, border_edges, sorted, strips};
+use super::element::{Interface, Q4};
+use super::{BoundaryHistory, JointParts, Kinematics, MeshFault, Quadrature, border_edges, sorted, strips};
 use crate::mesh::{ElementGeometry, shape_functions};
 use std::collections::{HashMap, HashSet};
 
@@ -176,6 +174,12 @@ impl JointMesh {
     /// Interface elements: lower left, lower right, upper left, upper right.
     pub fn interfaces(&self) -> &[[u32; 4]] {
         &self.interfaces
+    }
+
+    /// Twice the way along the mid-line of an interface element, from its first pair to its second, mm.
+    pub(crate) fn twice_along(&self, [l1, l2, u1, u2]: [u32; 4]) -> [f64; 2] {
+        let at = |node: u32| self.nodes[node as usize];
+        [0, 1].map(|c| at(l2)[c] + at(u2)[c] - at(l1)[c] - at(u1)[c])
     }
 
     /// Of each interface element, whether it is cracked: its faces press on each other where they meet, and hold

@@ -48,3 +48,12 @@ pub use sensitivity::{Linearised, NodalField};
 pub use solution::{Failure, Instant, Sensitivity, Solution, Status};
 pub use specimen::{Specimen, SpecimenError, SpecimenKind, SpecimenOptions};
 pub use supports::{RigidBlock, Supports};
+
+use boundary::Drive;
+use case_error::wrong;
+use model::{Stiffness, Work};
+use newton::Path;
+use parts::{border_edges, sorted, strips};
+use path_work::works_along;
+use supports::BlockMotion;
+use tied::{NONE, TiedBlock};

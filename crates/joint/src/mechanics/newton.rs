@@ -6,12 +6,9 @@
 //! was in. It is then carried over to the next stable state as a slightly viscous adhesive would do it, step by
 //! step downhill; where that fails, by the secant iteration (Kacanov). From there Newton goes on.
 
-use super::boundary::{BoundaryHistory, Drive};
 use super::cohesive::{CohesiveLaw, Jump};
-use super::error::ModelError;
-use super::model::{Model, Stiffness, Work};
 use super::sensitivity;
-use super::solution::{Failure, Instant, Sensitivity, Solution, Status};
+use super::{BoundaryHistory, Drive, Failure, Instant, Model, ModelError, Solution, Status, Stiffness, Work};
 
 /// How far the iteration goes before it gives up.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,29 +75,17 @@ impl Model {
         let mut instants: Vec<Instant> = Vec::with_capacity(boundary.instants().len());
         for target in (0..boundary.instants().len()).map(|k| boundary.drive(k)) {
             if instants.last().is_some_and(|last| !last.status.converged()) {
-                instants.push(Instant::not_reached());
+                instants.push(Instant::default());
                 continue;
             }
             path.instant += 1;
             let mut instant = path.advance(&target);
-            if instant.status.converged() && (options.law_sensitivities || options.substrate_sensitivities) {
-                let groups = if options.substrate_sensitivities { self.mesh().groups().len() } else { 0 };
-                let rhs = sensitivity::pseudo_loads(self, law, &path.u, &path.work, options.law_sensitivities, groups);
-                instant.sensitivities = sensitivity::solve(self, &path.work, &rhs);
+            if instant.status.converged() {
+                instant.sensitivities = sensitivity::at(self, law, &path.u, &path.work, options);
             }
             instants.push(instant);
         }
-        let mut parameters = Vec::new();
-        if options.law_sensitivities {
-            parameters.extend(law.parameters().iter().map(|&parameter| Sensitivity { parameter, group: None }));
-        }
-        if options.substrate_sensitivities {
-            for (group, material) in self.materials().iter().enumerate() {
-                let of_group = |&parameter| Sensitivity { parameter, group: Some(group) };
-                parameters.extend(material.parameters().iter().map(of_group));
-            }
-        }
-        Ok(Solution { instants, parameters })
+        Ok(Solution { instants, parameters: sensitivity::parameters(self, law, options) })
     }
 }
 
@@ -148,7 +133,6 @@ pub(super) struct Path<'a> {
     go_on: &'a dyn Fn(usize) -> bool,
 }
 
-/// What an increment took.
 #[derive(Debug, Clone, Default)]
 struct Effort {
     iterations: u32,
@@ -205,7 +189,6 @@ impl<'a> Path<'a> {
         }
     }
 
-    /// Whether to go on with this instant.
     fn goes_on(&self) -> bool {
         (self.go_on)(self.instant)
     }
@@ -268,7 +251,7 @@ impl<'a> Path<'a> {
         let from = Drive { places: self.model.border(&self.u), forces: self.forces.clone() };
         let between = |share: f64| if share == 1.0 { target.clone() } else { from.between(target, share) };
         let smallest = 0.5_f64.powi(self.options.max_halvings as i32);
-        let mut instant = Instant { status: Status::Converged, ..Instant::not_reached() };
+        let mut instant = Instant { status: Status::Converged, ..Instant::default() };
         // Shares are sums of powers of two: exact.
         let (mut done, mut step) = (0.0, 1.0_f64);
         while done < 1.0 {
@@ -427,7 +410,6 @@ impl<'a> Path<'a> {
         }
     }
 
-    /// Which cracked pairs touch in a field.
     fn touching(&self, u: &[[f64; 2]]) -> Vec<bool> {
         self.model.jumps(u).iter().zip(&self.cracked).map(|(jump, cracked)| *cracked && jump.normal < 0.0).collect()
     }

@@ -1,7 +1,6 @@
 //! Which nodes face each other across the adhesive.
 
-use super::error::MeshFault;
-use super::parts::{JointParts, border_edges, strips};
+use super::{JointParts, MeshFault, border_edges, strips};
 use std::collections::{HashMap, HashSet};
 
 /// Share of the distance of two strips by which their heights may differ and still be one: round-off of their means.

@@ -1,8 +1,8 @@
 //! Work along a piece of the path between two states, and along straight changes of a jump.
 
+use super::Model;
 use super::cohesive::{CohesiveLaw, Jump, Touching, Traction};
 use super::element::{ElementVector, Interface};
-use super::model::Model;
 use crate::mesh::GAUSS;
 
 /// A solution on the way from one instant to the next.
@@ -31,9 +31,10 @@ const GAUSS_3: [(f64, f64); 3] =
 
 /// A piece of the path: a line or a parabola through its states, at 0, (a half) and 1.
 pub(super) struct Piece<'a> {
-    model: &'a Model,
-    law: &'a dyn CohesiveLaw,
-    states: Vec<&'a State>,
+    pub model: &'a Model,
+    pub law: &'a dyn CohesiveLaw,
+    /// Both ends, the middle between them of a parabola.
+    pub states: Vec<&'a State>,
 }
 
 /// Weights of the states at `s`, and the derivatives of these.
@@ -47,16 +48,7 @@ fn weights(n: usize, s: f64) -> ([f64; 3], [f64; 3]) {
     }
 }
 
-impl<'a> Piece<'a> {
-    pub fn straight(model: &'a Model, law: &'a dyn CohesiveLaw, a: &'a State, b: &'a State) -> Self {
-        Self { model, law, states: vec![a, b] }
-    }
-
-    /// `m` is half-way.
-    pub fn parabola(model: &'a Model, law: &'a dyn CohesiveLaw, [a, m, b]: [&'a State; 3]) -> Self {
-        Self { model, law, states: vec![a, m, b] }
-    }
-
+impl Piece<'_> {
     /// A nodal field at `s`.
     fn at(&self, s: f64, of: impl Fn(&State) -> &[[f64; 2]]) -> Vec<[f64; 2]> {
         let (weights, _) = weights(self.states.len(), s);
@@ -75,11 +67,6 @@ impl<'a> Piece<'a> {
             weight * (strips - loads(s, &places, &rates))
         };
         GAUSS_3.iter().map(power).sum()
-    }
-
-    /// Work done on the adhesive, to about `tolerance` (MPa mm) at every point.
-    pub fn adhesive(&self, tolerance: f64) -> f64 {
-        self.interface(tolerance)[1]
     }
 
     /// What the adhesive does at the rates of the states, per share of the step, and the work done on it, to about
@@ -140,7 +127,7 @@ impl Along<'_> {
                 let along = |by: ElementVector| self.interface.jump_change(point, &u, &by).vector();
                 (jump(&u), along(sum(self.u, &slopes)), along(sum(self.rates, &weights)))
             };
-            let traction = self.law.response(Jump { normal: jump[0], tangential: jump[1] }).traction.vector();
+            let traction = self.law.response(Jump::from(jump)).traction.vector();
             [traction.dot(&rate), traction.dot(&change)]
         };
         let over = |begin: f64, end: f64| {
@@ -177,7 +164,7 @@ fn halved(
 /// `int T . d(jump)` of opening and of sliding (MPa mm) along the straight line between two jumps. Pieces are short
 /// against the law, and one ends where the faces touch, since laws have a kink there.
 pub(super) fn works_along(law: &dyn CohesiveLaw, from: Jump, to: Jump) -> [f64; 2] {
-    let by = Jump { normal: to.normal - from.normal, tangential: to.tangential - from.tangential };
+    let by = to - from;
     let at = |share: f64| Jump {
         normal: from.normal + share * by.normal,
         tangential: from.tangential + share * by.tangential,

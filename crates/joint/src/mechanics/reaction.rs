@@ -1,8 +1,7 @@
 //! One component of the reaction of a group of nodes, with all its derivatives: what a load cell sees (THEORY 15).
 
 use super::cohesive::CohesiveLaw;
-use super::groups::NodeGroup;
-use super::model::Model;
+use super::{Model, NodeGroup};
 
 /// Where a reaction is summed: the prescribed components of the nodes of a group along a direction.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,9 +53,6 @@ impl Model {
     }
 
     /// The reaction that `gauge` sums under the displacements `u`, with its derivatives.
-    ///
-    /// # Panics
-    /// When `u` has not one displacement per node.
     pub fn reaction_at(&self, gauge: &ReactionGauge, law: &dyn CohesiveLaw, u: &[[f64; 2]]) -> ReactionAt {
         let mut weight = vec![[0.0; 2]; u.len()];
         gauge.weights.iter().for_each(|&(node, of_node)| weight[node as usize] = of_node);

@@ -13,7 +13,6 @@ pub(super) fn rigid_motion_removed(rotation_rad: f64, gap_mm: f64) -> Remark {
     remark.with("rotation_rad", rotation_rad).with("sliding_mm", change_mm)
 }
 
-/// Elements of `size_mm` beside a joint that is open at `opening_mm`.
 pub(super) fn elements_apart(size_mm: f64, opening_mm: f64) -> Remark {
     let text = format!(
         "elements of {size_mm:.3e} mm beside a joint that is open at {opening_mm:.3e} mm: are all lengths in mm?"
@@ -22,7 +21,6 @@ pub(super) fn elements_apart(size_mm: f64, opening_mm: f64) -> Remark {
     remark.with("element_mm", size_mm).with("opening_mm", opening_mm)
 }
 
-/// The border moves by more than the joint is large.
 pub(super) fn border_apart(moves_mm: f64, extent_mm: f64) -> Remark {
     let text = format!(
         "the border moves by up to {moves_mm:.3e} mm, more than the joint's size of {extent_mm:.3e} mm: are all \

@@ -2,8 +2,7 @@
 //! (THEORY 5).
 
 use super::cohesive::CohesiveLaw;
-use super::error::ModelError;
-use super::model::{Model, Stiffness, Work};
+use super::{ForwardOptions, Model, ModelError, Sensitivity, Stiffness, Work};
 use crate::linalg::SparseMatrix;
 
 /// A nodal field: one vector per node, mm per unit of what it is derived by.
@@ -98,9 +97,39 @@ impl Linearised<'_> {
     }
 }
 
+/// What the sensitivities that `options` ask for are by.
+pub(super) fn parameters(model: &Model, law: &dyn CohesiveLaw, options: &ForwardOptions) -> Vec<Sensitivity> {
+    let mut list = Vec::new();
+    if options.law_sensitivities {
+        list.extend(law.parameters().iter().map(|&parameter| Sensitivity { parameter, group: None }));
+    }
+    if options.substrate_sensitivities {
+        for (group, material) in model.materials().iter().enumerate() {
+            let of_group = |&parameter| Sensitivity { parameter, group: Some(group) };
+            list.extend(material.parameters().iter().map(of_group));
+        }
+    }
+    list
+}
+
+/// The sensitivities that `options` ask for at the solution `u`, with the factor of the last assembly.
+pub(super) fn at(
+    model: &Model,
+    law: &dyn CohesiveLaw,
+    u: &[[f64; 2]],
+    work: &Work,
+    options: &ForwardOptions,
+) -> Vec<NodalField> {
+    if !(options.law_sensitivities || options.substrate_sensitivities) {
+        return Vec::new();
+    }
+    let groups = if options.substrate_sensitivities { model.mesh().groups().len() } else { 0 };
+    solve(model, work, &pseudo_loads(model, law, u, work, options.law_sensitivities, groups))
+}
+
 /// `-dF_int/dX` at the unknowns, parameter after parameter: those of the law if asked for, then those of the
 /// first `groups` materials.
-pub(super) fn pseudo_loads(
+fn pseudo_loads(
     model: &Model,
     law: &dyn CohesiveLaw,
     u: &[[f64; 2]],
@@ -120,7 +149,7 @@ fn loads(model: &Model, forces: &[NodalField], work: &Work) -> Vec<f64> {
 }
 
 /// Solves for right-hand sides that follow one another, and gives nodal fields.
-pub(super) fn solve(model: &Model, work: &Work, rhs: &[f64]) -> Vec<NodalField> {
+fn solve(model: &Model, work: &Work, rhs: &[f64]) -> Vec<NodalField> {
     let n = model.n_unknowns();
     if n == 0 {
         return Vec::new();

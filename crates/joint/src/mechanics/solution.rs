@@ -3,7 +3,7 @@
 use super::cohesive::{Jump, Parameter};
 
 /// How an instant ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Status {
     /// By Newton, in one or several increments.
     Converged,
@@ -12,6 +12,7 @@ pub enum Status {
     /// Not even the smallest increment converged; the field is that of the last increment that did.
     NotConverged,
     /// An earlier instant did not converge; there is no field.
+    #[default]
     NotReached,
 }
 
@@ -39,8 +40,8 @@ pub struct Failure {
     pub share: f64,
 }
 
-/// The result of one instant.
-#[derive(Debug, Clone, PartialEq)]
+/// The result of one instant; by default one that was not reached.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Instant {
     /// How it ended.
     pub status: Status,
@@ -67,21 +68,6 @@ pub struct Instant {
 }
 
 impl Instant {
-    pub(super) fn not_reached() -> Self {
-        Self {
-            status: Status::NotReached,
-            displacement: Vec::new(),
-            iterations: 0,
-            halvings: 0,
-            rescue_iterations: 0,
-            residual: 0.0,
-            residuals: Vec::new(),
-            snapped: Vec::new(),
-            failure: None,
-            sensitivities: Vec::new(),
-        }
-    }
-
     /// Notes the pairs that moved at least half as far as the one that moved most.
     pub(super) fn add_snapped(&mut self, before: &[Jump], after: &[Jump]) {
         let moved = |(a, b): (&Jump, &Jump)| (a.normal - b.normal).hypot(a.tangential - b.tangential);

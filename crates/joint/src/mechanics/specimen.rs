@@ -1,7 +1,6 @@
 //! Meshes and case files of the usual tests of adhesives, to begin with.
 
-use super::joint::JointMesh;
-use super::parts::JointParts;
+use super::{JointMesh, JointParts};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -127,12 +126,6 @@ impl SpecimenKind {
     }
 }
 
-/// What a specimen is made of.
-struct Builder {
-    parts: JointParts,
-    groups: BTreeMap<&'static str, Vec<u32>>,
-}
-
 /// A strip: the number of its first node, and its columns and rows of nodes.
 struct Strip {
     first: u32,
@@ -151,13 +144,12 @@ impl Strip {
         (0..self.x.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0)
     }
 
-    /// All nodes at the end `x`.
     fn end(&self, x: f64) -> Vec<u32> {
         (0..=self.rows).map(|row| self.node(self.column(x), row)).collect()
     }
 }
 
-impl Builder {
+impl Specimen {
     /// A strip between `bottom` and `top`, with nodes at all of `breaks` and none further apart than `size`.
     fn strip(&mut self, name: &str, breaks: &[f64], [bottom, top]: [f64; 2], size: f64, rows: usize) -> Strip {
         let mut x = vec![breaks[0]];
@@ -200,7 +192,7 @@ impl Specimen {
     pub fn new(kind: SpecimenKind, options: &SpecimenOptions) -> Result<Self, SpecimenError> {
         check(kind, options)?;
         let &SpecimenOptions { length, crack, arms, adhesive, element, rows, lever, .. } = options;
-        let mut b = Builder { parts: JointParts::default(), groups: BTreeMap::new() };
+        let mut b = Self { parts: JointParts::default(), groups: BTreeMap::new(), case: String::new() };
         let (low, high) = ([-0.5 * adhesive - arms[0], -0.5 * adhesive], [0.5 * adhesive, 0.5 * adhesive + arms[1]]);
         let half = 0.5 * length;
         let breaks = match kind {
@@ -240,8 +232,8 @@ impl Specimen {
                 b.groups.insert("right", upper.end(2.0 * length + crack));
             }
         }
-        let case = case(kind, options, half + lever, high[1]);
-        Ok(Self { parts: b.parts, groups: b.groups, case })
+        b.case = case(kind, options, half + lever, high[1]);
+        Ok(b)
     }
 
     /// The mesh as a mesh file in JSON.
@@ -307,7 +299,6 @@ fn check(kind: SpecimenKind, options: &SpecimenOptions) -> Result<(), SpecimenEr
     Ok(())
 }
 
-/// The case file.
 fn case(kind: SpecimenKind, options: &SpecimenOptions, lever_x: f64, top: f64) -> String {
     let &SpecimenOptions { crack, opening, instants, .. } = options;
     let ramp = |to: f64| format!("{{ to = {to:?}, instants = {instants} }}");

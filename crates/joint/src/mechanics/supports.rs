@@ -41,7 +41,7 @@ pub(super) struct BlockMotion {
 
 impl RigidBlock {
     /// Mean position of its nodes at rest, mm.
-    fn centre(&self, positions: &[[f64; 2]]) -> [f64; 2] {
+    pub(super) fn centre(&self, positions: &[[f64; 2]]) -> [f64; 2] {
         let sum = self.nodes.iter().fold([0.0; 2], |sum, &node| {
             let [x, y] = positions[node as usize];
             [sum[0] + x, sum[1] + y]

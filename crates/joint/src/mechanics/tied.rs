@@ -1,12 +1,11 @@
 //! Rigid blocks among the unknowns: their numbers, and the elements that hang on them.
 
-use super::supports::RigidBlock;
+use super::RigidBlock;
 use crate::linalg::SparsePattern;
 
 /// Place of a component that is prescribed, or of a matrix entry that is not stored.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// The unknowns of a block.
 #[derive(Debug)]
 pub(super) struct TiedBlock {
     /// Of its point along x and y, and of its rotation times its radius.
@@ -21,11 +20,10 @@ pub(super) struct TiedBlock {
 
 impl TiedBlock {
     pub fn new(block: &RigidBlock, positions: &[[f64; 2]]) -> Self {
-        let sum = |c: usize| block.nodes.iter().map(|&node| positions[node as usize][c]).sum::<f64>();
         Self {
             unknowns: [NONE; 3],
             radius: block.radius(positions),
-            centre: [0, 1].map(|c| sum(c) / block.nodes.len() as f64),
+            centre: block.centre(positions),
             free: [0, 1].map(|c| block.tied[c] && !block.held[c]),
         }
     }

@@ -1,22 +1,16 @@
 //! An identification as its case file describes it.
 
 use crate::field::NOISE_CONTRADICTED;
-use crate::identify::cases::error::{FitError, wrong};
-use crate::identify::cases::options::FitOptions;
+use crate::identify::cases::error::{check_amount, positive, refuse_if};
 use crate::identify::cases::uncertainties;
-use crate::identify::doubt::plausibility::implausible_joint;
 use crate::identify::doubt::remarks;
 use crate::identify::laws::tournament::check_laws;
-use crate::identify::objective::load_cell::LoadCell;
-use crate::identify::objective::noise::{Noise, Precision, even_texture};
-use crate::identify::objective::observation::{
-    Observation, ObservedInstant, largest_without_rigid_motion, remove_motion,
+use crate::identify::objective::observation::remove_motion;
+use crate::identify::{
+    FitError, FitOptions, FitWatch, LoadCell, Noise, Observation, ObservedInstant, Precision, Problem,
+    TrustRegionOptions, Unknown, Unknowns, even_texture, implausible_joint, largest_without_rigid_motion,
+    latin_hypercube, wrong,
 };
-use crate::identify::objective::problem::Problem;
-use crate::identify::objective::unknowns::{Unknown, Unknowns};
-use crate::identify::solve::starts::latin_hypercube;
-use crate::identify::solve::trust_region::TrustRegionOptions;
-use crate::identify::solve::watch::FitWatch;
 use crate::io::case::{
     BoundaryNoise, CaseBootstrap, CaseFit, CaseMeasurement, CaseNodes, CasePathControl, Discretisation, Intervals,
     WeightKind,
@@ -24,7 +18,7 @@ use crate::io::case::{
 use crate::io::joint::{JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunMatrix};
 use crate::io::run_case::RunCase;
 use crate::mechanics::cohesive::CohesiveLaw;
-use crate::mechanics::{Joint, law_of_case, materials_of_case};
+use crate::mechanics::{BoundaryHistory, Joint, law_of_case, materials_of_case};
 use crate::remark::Remark;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
@@ -110,7 +104,9 @@ impl<'a> Case<'a> {
     }
 
     fn of(joint: &'a Joint, input: &JointInput, path: &Path) -> Result<Self, FitError> {
-        let missing = |section, hint| FitError::NoTable { path: path.to_owned(), section, hint };
+        let missing = |section: &str, hint: &str| {
+            FitError::Data(format!("{}: there is no table [{section}]; {hint}", path.display()))
+        };
         let case = &input.case;
         let used = case.force.as_ref().is_some_and(|force| force.used);
         let nothing = CaseMeasurement::default();
@@ -160,10 +156,8 @@ impl<'a> Case<'a> {
             (observation, noise) = with_force(observation, noise, cell, &mut found)?;
         }
         check_weights(&observation, weights)?;
-        let (n_data, n_parameters) = (observation.n_data(), unknowns.n());
-        if n_data < n_parameters {
-            return Err(FitError::FewData { n_data, n_parameters });
-        }
+        let n_data = observation.n_data();
+        check_amount(n_data, unknowns.n())?;
         let options = FitOptions {
             weights,
             estimate_boundary: boundary == BoundaryNoise::Estimated,
@@ -219,7 +213,6 @@ fn weight_kind(measurement: &CaseMeasurement, of_run: bool, used: bool) -> Resul
     }
 }
 
-/// What the case says of the boundary.
 fn boundary_noise(measurement: &CaseMeasurement, is_measured: bool) -> Result<BoundaryNoise, FitError> {
     match measurement.boundary {
         Some(BoundaryNoise::Measured | BoundaryNoise::Estimated) if !is_measured => {
@@ -234,20 +227,14 @@ fn boundary_noise(measurement: &CaseMeasurement, is_measured: bool) -> Result<Bo
 
 /// Refuses a control of the path, supports and weights that do not go with a fit on such a boundary.
 fn check_boundary(input: &JointInput, boundary: BoundaryNoise, weights: WeightKind) -> Result<(), FitError> {
-    if input.case.path.control == Some(CasePathControl::ArcLength) {
-        let what = "control = \"arc-length\" is for quadrille simulate: a fit compares instants of the test";
-        return Err(wrong("path", "control", what));
-    }
-    if !input.drives.is_empty() && boundary != BoundaryNoise::Exact {
-        let what =
-            "boundary = \"exact\" is needed with [[support]] and [[applied_load]], which are given and not measured";
-        return Err(wrong("measurement", "boundary", what));
-    }
-    if boundary == BoundaryNoise::Estimated && weights != WeightKind::Covariance {
-        let what = "boundary = \"estimated\" needs weights = \"covariance\"";
-        return Err(wrong("measurement", "boundary", what));
-    }
-    Ok(())
+    let follows = input.case.path.control == Some(CasePathControl::ArcLength);
+    let what = "control = \"arc-length\" is for quadrille simulate: a fit compares instants of the test";
+    refuse_if(follows, "path", "control", what)?;
+    let driven = !input.drives.is_empty() && boundary != BoundaryNoise::Exact;
+    let what = "boundary = \"exact\" is needed with [[support]] and [[applied_load]], which are given and not measured";
+    refuse_if(driven, "measurement", "boundary", what)?;
+    let uncovered = boundary == BoundaryNoise::Estimated && weights != WeightKind::Covariance;
+    refuse_if(uncovered, "measurement", "boundary", "boundary = \"estimated\" needs weights = \"covariance\"")
 }
 
 fn discretisation(table: &CaseFit, of_run: bool) -> Discretisation {
@@ -266,19 +253,15 @@ fn bootstrap(table: &CaseFit) -> Result<Option<usize>, FitError> {
     }
 }
 
-/// The unknown whose profile likelihood is asked for.
 fn profile_index(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<usize>, FitError> {
     let Some(name) = &table.profile else { return Ok(None) };
-    if unknowns.n() == 1 {
-        let what = "profile needs two parameters or more: of one alone the interval says it all";
-        return Err(wrong("fit", "profile", what));
-    }
+    let what = "profile needs two parameters or more: of one alone the interval says it all";
+    refuse_if(unknowns.n() == 1, "fit", "profile", what)?;
     let of_fit = unknowns.list().iter().position(|unknown| unknown.parameter.name == name);
     let missing = || wrong("fit", "profile", format!("profile = \"{name}\": it is not among parameters"));
     of_fit.ok_or_else(missing).map(Some)
 }
 
-/// The parameter of the law that is swept, and its values.
 fn sweep_of(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<(usize, Vec<f64>)>, FitError> {
     let wrong_sweep = |what: String| Err(wrong("fit", "sweep", what));
     let mut sweeps = table.sweep.iter();
@@ -290,12 +273,10 @@ fn sweep_of(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<(usize, Vec<f
     let Some(index) = unknowns.law().parameters().iter().position(|p| p.name == name) else {
         return wrong_sweep(format!("sweep: the law has no parameter '{name}'; it has {}", names(unknowns)));
     };
-    if unknowns.list().iter().any(|unknown| unknown.index == index) {
-        return wrong_sweep(format!("sweep: {name} is fitted; take it out of parameters to prescribe it"));
-    }
-    if values.is_empty() {
-        return wrong_sweep(format!("sweep: {name} has no values; give a list such as [3, 4, 5, 6]"));
-    }
+    let what = format!("sweep: {name} is fitted; take it out of parameters to prescribe it");
+    refuse_if(unknowns.list().iter().any(|unknown| unknown.index == index), "fit", "sweep", what)?;
+    let what = format!("sweep: {name} has no values; give a list such as [3, 4, 5, 6]");
+    refuse_if(values.is_empty(), "fit", "sweep", what)?;
     Ok(Some((index, values.clone())))
 }
 
@@ -322,36 +303,26 @@ fn names(unknowns: &Unknowns) -> String {
 
 fn unknowns(law: &dyn CohesiveLaw, table: &CaseFit) -> Result<Unknowns, FitError> {
     let known: Vec<&str> = law.parameters().iter().map(|p| p.name).collect();
-    if table.parameters.is_empty() {
-        return Err(wrong("fit", "parameters", format!("parameters is empty; give some of {}", known.join(", "))));
-    }
+    let what = format!("parameters is empty; give some of {}", known.join(", "));
+    refuse_if(table.parameters.is_empty(), "fit", "parameters", what)?;
     let mut list = Vec::new();
     for (k, name) in table.parameters.iter().enumerate() {
         let Some(index) = known.iter().position(|known| known == name) else {
             let what = format!("parameters: the law '{}' has no '{name}'; it has {}", law.name(), known.join(", "));
             return Err(wrong("fit", "parameters", what));
         };
-        if table.parameters[..k].contains(name) {
-            return Err(wrong("fit", "parameters", format!("parameters: '{name}' stands there twice")));
-        }
+        let twice = table.parameters[..k].contains(name);
+        refuse_if(twice, "fit", "parameters", format!("parameters: '{name}' stands there twice"))?;
         list.push(index);
     }
     for (key, map) in [("start", &table.start), ("lower", &table.lower), ("upper", &table.upper)] {
         for (name, value) in map {
-            if !known.contains(&name.as_str()) {
-                let what = format!("{key}: the law '{}' has no '{name}'; it has {}", law.name(), known.join(", "));
-                return Err(wrong("fit", key, what));
-            }
-            if !table.parameters.contains(name) {
-                return Err(wrong(
-                    "fit",
-                    key,
-                    format!("{key}: '{name}' is not among parameters; its value stands in [cohesive]"),
-                ));
-            }
-            if value.is_nan() || (key == "start" && value.is_infinite()) {
-                return Err(wrong("fit", key, format!("{key}: {name} = {value} is not a finite number")));
-            }
+            let what = format!("{key}: the law '{}' has no '{name}'; it has {}", law.name(), known.join(", "));
+            refuse_if(!known.contains(&name.as_str()), "fit", key, what)?;
+            let what = format!("{key}: '{name}' is not among parameters; its value stands in [cohesive]");
+            refuse_if(!table.parameters.contains(name), "fit", key, what)?;
+            let infinite = value.is_nan() || (key == "start" && value.is_infinite());
+            refuse_if(infinite, "fit", key, format!("{key}: {name} = {value} is not a finite number"))?;
         }
     }
     let values = law.values();
@@ -361,77 +332,49 @@ fn unknowns(law: &dyn CohesiveLaw, table: &CaseFit) -> Result<Unknowns, FitError
         (index, given(&table.start).unwrap_or(values[index]), given(&table.lower), given(&table.upper))
     };
     let unknowns = Unknowns::new(law, &list.iter().map(asked).collect::<Vec<_>>())?;
-    for Unknown { parameter, start, bounds: [lower, upper], .. } in unknowns.list() {
+    check_start(&unknowns, &unknowns.start())?;
+    Ok(unknowns)
+}
+
+fn check_start(unknowns: &Unknowns, start: &[f64]) -> Result<(), FitError> {
+    for (&Unknown { parameter, bounds: [lower, upper], .. }, &start) in unknowns.list().iter().zip(start) {
         if !(lower <= start && start <= upper) {
-            let (start, lower, upper) = (*start, *lower, *upper);
             return Err(FitError::StartOutside { name: parameter.name, start, lower, upper });
         }
     }
-    Ok(unknowns)
+    Ok(())
 }
 
 fn starts(unknowns: &Unknowns, table: &CaseFit) -> Result<Vec<Vec<f64>>, FitError> {
     let mut starts = table.starts.clone();
     for start in &starts {
-        if start.len() != unknowns.n() {
-            let what = format!("starts: {} values for {} parameters", start.len(), unknowns.n());
-            return Err(wrong("fit", "starts", what));
-        }
-        for (unknown, &start) in unknowns.list().iter().zip(start) {
-            let [lower, upper] = unknown.bounds;
-            if !(lower <= start && start <= upper) {
-                return Err(FitError::StartOutside { name: unknown.parameter.name, start, lower, upper });
-            }
-        }
+        let what = format!("starts: {} values for {} parameters", start.len(), unknowns.n());
+        refuse_if(start.len() != unknowns.n(), "fit", "starts", what)?;
+        check_start(unknowns, start)?;
     }
     if let Some(n) = table.latin_hypercube {
-        if !(1..=1000).contains(&n) {
-            return Err(wrong(
-                "fit",
-                "latin_hypercube",
-                format!("latin_hypercube = {n}; give a number of starts from 1 to 1000"),
-            ));
-        }
-        for unknown in unknowns.list() {
-            let name = unknown.parameter.name;
-            if !(table.lower.contains_key(name) && table.upper.contains_key(name)) {
-                return Err(wrong(
-                    "fit",
-                    "latin_hypercube",
-                    format!("latin_hypercube needs [fit.lower] and [fit.upper] of {name}"),
-                ));
-            }
+        let refuse_if = |is_wrong: bool, what: String| refuse_if(is_wrong, "fit", "latin_hypercube", what);
+        let what = format!("latin_hypercube = {n}; give a number of starts from 1 to 1000");
+        refuse_if(!(1..=1000).contains(&n), what)?;
+        for name in unknowns.list().iter().map(|unknown| unknown.parameter.name) {
+            let bounded = table.lower.contains_key(name) && table.upper.contains_key(name);
+            refuse_if(!bounded, format!("latin_hypercube needs [fit.lower] and [fit.upper] of {name}"))?;
         }
         let [lower, upper] = unknowns.scaled_bounds();
-        if lower.iter().chain(&upper).any(|z| !z.is_finite()) {
-            return Err(wrong("fit", "latin_hypercube", "latin_hypercube needs finite bounds above zero"));
-        }
+        let open = lower.iter().chain(&upper).any(|z| !z.is_finite());
+        refuse_if(open, "latin_hypercube needs finite bounds above zero".to_owned())?;
         let points = latin_hypercube(n, [&lower, &upper], table.seed.unwrap_or(1));
         starts.extend(points.iter().map(|z| unknowns.unscaled(z)));
     }
     Ok(starts)
 }
 
-/// Positive and finite, or a clear line.
-fn positive(section: &'static str, key: &str, value: f64) -> Result<f64, FitError> {
-    match value.is_finite() && value > 0.0 {
-        true => Ok(value),
-        false => Err(wrong(section, key, format!("{key} = {value}: it must be a finite number above zero"))),
-    }
-}
-
-impl Problem<'_> {
-    /// The prescribed displacements at the prescribed nodes of the measured mesh, instant by instant.
-    pub(crate) fn prescribed_as_measured(&self) -> Vec<Vec<[f64; 2]>> {
-        prescribed_as_measured(self.joint)
-    }
-}
-
-fn prescribed_as_measured(joint: &Joint) -> Vec<Vec<[f64; 2]>> {
-    let place: HashMap<u32, usize> = joint.boundary.nodes().iter().enumerate().map(|(k, &node)| (node, k)).collect();
+/// The displacements of `boundary` at the prescribed nodes of the measured mesh, instant by instant.
+pub(crate) fn prescribed_of(joint: &Joint, boundary: &BoundaryHistory) -> Vec<Vec<[f64; 2]>> {
+    let place: HashMap<u32, usize> = boundary.nodes().iter().enumerate().map(|(k, &node)| (node, k)).collect();
     let prescribed =
         |values: &Vec<[f64; 2]>| joint.measured.prescribed.iter().map(|node| values[place[node]]).collect();
-    joint.boundary.instants().iter().map(prescribed).collect()
+    boundary.instants().iter().map(prescribed).collect()
 }
 
 /// Measured displacements by instant (from 0) and node, without the rigid motion where it is taken off; and what is
@@ -446,17 +389,26 @@ struct Fields<'a> {
 fn fields<'a>(joint: &Joint, measured: &'a MeasurementInput, found: &mut Vec<Remark>) -> Result<Fields<'a>, FitError> {
     let n_nodes = joint.measured.mesh.nodes().len();
     let n_instants = joint.boundary.instants().len();
+    let not_prescribed = |path: &Path, instant: usize| {
+        FitError::Data(format!(
+            "{}: instant {instant} is measured, but the boundary has {n_instants} instants; give its boundary, or take it out",
+            path.display()
+        ))
+    };
     let mut fields = match measured {
         MeasurementInput::Table(MeasurementTable { path, instants }) => {
             let mut list = Vec::with_capacity(instants.len());
             for (&instant, rows) in instants {
                 if instant > n_instants {
-                    return Err(FitError::Instant { path: path.clone(), instant, n_instants });
+                    return Err(not_prescribed(path, instant));
                 }
                 let mut field = vec![None; n_nodes];
                 for (&node, &u) in rows {
                     let Some(place) = field.get_mut(node as usize) else {
-                        return Err(FitError::Node { path: path.clone(), instant, node, n_nodes });
+                        return Err(FitError::Data(format!(
+                            "{}: instant {instant} has node {node}, but the mesh has {n_nodes} nodes (counted from 0)",
+                            path.display()
+                        )));
                     };
                     *place = Some(u);
                 }
@@ -468,8 +420,7 @@ fn fields<'a>(joint: &Joint, measured: &'a MeasurementInput, found: &mut Vec<Rem
         }
         MeasurementInput::Run(run) => {
             if run.instants.len() != n_instants {
-                let instant = run.instants.len();
-                return Err(FitError::Instant { path: run.path.clone(), instant, n_instants });
+                return Err(not_prescribed(&run.path, run.instants.len()));
             }
             let instants = run.instants.iter().cloned().enumerate().collect();
             Fields { path: &run.path, of_run: true, instants }
@@ -530,8 +481,8 @@ fn compared_nodes(
         }
     }
     if chosen.is_empty() {
-        let what = "no node is left to compare; choose others with [measurement] nodes".into();
-        return Err(FitError::NoData { what });
+        let what = "nothing is measured: no node is left to compare; choose others with [measurement] nodes";
+        return Err(FitError::Data(what.to_owned()));
     }
     Ok(chosen)
 }
@@ -543,23 +494,25 @@ fn instant_weights<'a>(
     measured: &MeasurementInput,
     found: &mut Vec<Remark>,
 ) -> Result<&'a [f64], FitError> {
-    let wrong_weights = |what: String| Err(wrong("measurement", "instant_weights", what));
     let factors = measurement.instant_weights.as_deref().unwrap_or_default();
     if let Some(factor) = factors.iter().find(|factor| !(factor.is_finite() && **factor >= 0.0)) {
-        return wrong_weights(format!("instant_weights holds {factor}; give finite numbers, zero or more"));
+        let what = format!("instant_weights holds {factor}; give finite numbers, zero or more");
+        return Err(wrong("measurement", "instant_weights", what));
     }
     let (n_all, left_out) = match measured {
         MeasurementInput::Run(run) => (run.frames.len() + run.left_out.len(), run.left_out.as_slice()),
         MeasurementInput::Table(_) => (joint.boundary.instants().len(), [].as_slice()),
     };
-    if factors.len() > n_all {
-        let n = factors.len();
-        return wrong_weights(format!("instant_weights has {n} entries, but there are {n_all} instants"));
-    }
+    check_number(factors, n_all)?;
     if !(factors.is_empty() || left_out.is_empty()) {
         found.push(remarks::weights_shifted(left_out));
     }
     Ok(factors)
+}
+
+fn check_number(factors: &[f64], n_instants: usize) -> Result<(), FitError> {
+    let what = format!("instant_weights has {} entries, but there are {n_instants} instants", factors.len());
+    refuse_if(factors.len() > n_instants, "measurement", "instant_weights", what)
 }
 
 fn observation(
@@ -576,7 +529,7 @@ fn observation(
     let mut compared = vec![false; n_nodes];
     let chosen = compared_nodes(joint, input, measurement, &fields, found)?;
     chosen.iter().for_each(|&node| compared[node as usize] = true);
-    let given = prescribed_as_measured(joint);
+    let given = prescribed_of(joint, &joint.boundary);
     let of_border: HashMap<u32, usize> =
         joint.measured.prescribed.iter().enumerate().map(|(k, &node)| (node, k)).collect();
     let nodes: Vec<u32> = (0..n_nodes as u32)
@@ -598,7 +551,14 @@ fn observation(
                 // The prescribed displacement is the measured one.
                 false => border(node),
             };
-            let missing = || FitError::NotMeasured { path: fields.path.to_owned(), instant: index + 1, node };
+            let missing = || {
+                FitError::Data(format!(
+                    "{}: instant {} has no displacement of node {node}, which is compared; measure it, or leave it out with \
+                     [measurement] nodes = [...]",
+                    fields.path.display(),
+                    index + 1
+                ))
+            };
             displacement.extend(u.ok_or_else(missing)?);
         }
         let known = |node: usize| field[node].or_else(|| border(node as u32)).map(|u| (mesh.nodes()[node], u));
@@ -611,10 +571,11 @@ fn observation(
         found.push(remarks::nodes_unmeasured(unknown_nodes));
     }
     if instants.is_empty() {
-        return Err(match fields.instants.is_empty() {
-            true => FitError::NoData { what: "there is no instant".into() },
-            false => FitError::NoWeight { what: "[measurement] instant_weights leaves out every instant" },
-        });
+        let what = match fields.instants.is_empty() {
+            true => "nothing is measured: there is no instant",
+            false => "all weights are zero: [measurement] instant_weights leaves out every instant",
+        };
+        return Err(FitError::Data(what.to_owned()));
     }
     let prescribed = match noisy_boundary {
         true => joint.measured.prescribed.iter().map(|node| place[node]).collect(),
@@ -633,22 +594,13 @@ fn of_force_alone(joint: &Joint, measurement: &CaseMeasurement) -> Result<(Obser
         let what = format!("instant_weights holds {factor}; of a load curve alone they may be 0 or 1 only");
         return Err(wrong("measurement", "instant_weights", what));
     }
-    if factors.len() > n {
-        let what = format!("instant_weights has {} entries, but there are {n} instants", factors.len());
-        return Err(wrong("measurement", "instant_weights", what));
-    }
+    check_number(factors, n)?;
     let instant = |index: usize| ObservedInstant { index, displacement: Vec::new(), largest: [0.0; 2], factor: 1.0 };
     let instants = (0..n).filter(|&index| factors.get(index) != Some(&0.0)).map(instant).collect();
     let (nodes, compared, prescribed) = (Vec::new(), Vec::new(), Vec::new());
     let observation = Observation { nodes, compared, prescribed, instants, pixel_size_mm: None, force: None };
-    let noise = Noise {
-        precision: Precision::White(0),
-        common: 0.0,
-        on_boundary: false,
-        sigma: Some(1.0),
-        source: String::new(),
-        ratio: None,
-    };
+    let (precision, source) = (Precision::White(0), String::new());
+    let noise = Noise { precision, common: 0.0, on_boundary: false, sigma: Some(1.0), source, ratio: None };
     Ok((observation, noise))
 }
 
@@ -670,10 +622,8 @@ fn with_force(
         .filter(|instant| cell.at(instant.index).is_none())
         .map(|instant| instant.index + 1)
         .collect();
-    if without.len() == observation.instants.len() {
-        let what = "there is no force at any instant that is compared; check the file, its column and its times";
-        return Err(wrong("force", "file", what));
-    }
+    let what = "there is no force at any instant that is compared; check the file, its column and its times";
+    refuse_if(without.len() == observation.instants.len(), "force", "file", what)?;
     found.extend(remarks::force_unknown(without));
     if observation.nodes.is_empty() {
         // Rows of nothing would count as instants with data.
@@ -689,18 +639,13 @@ fn with_force(
 
 fn check_weights(observation: &Observation, weights: WeightKind) -> Result<(), FitError> {
     if weights == WeightKind::Paper && observation.instants.iter().all(|i| i.largest == [0.0; 2]) {
-        let what = "the measured displacements are a rigid motion at every instant; give weights = \"uniform\"";
-        return Err(FitError::NoWeight { what });
+        let what = "all weights are zero: the measured displacements are a rigid motion at every instant; give weights = \
+                    \"uniform\"";
+        return Err(FitError::Data(what.to_owned()));
     }
     let uneven = observation.instants.iter().any(|i| i.factor != 1.0);
-    if weights == WeightKind::Covariance && uneven {
-        return Err(wrong(
-            "measurement",
-            "instant_weights",
-            "with weights = \"covariance\" instant_weights may be 0 or 1 only",
-        ));
-    }
-    Ok(())
+    let what = "with weights = \"covariance\" instant_weights may be 0 or 1 only";
+    refuse_if(weights == WeightKind::Covariance && uneven, "measurement", "instant_weights", what)
 }
 
 fn noise(

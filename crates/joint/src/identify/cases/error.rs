@@ -28,70 +28,9 @@ pub enum FitError {
         /// What.
         error: Box<FitError>,
     },
-    /// A case without a table that identification needs.
-    #[error("{}: there is no table [{section}]; {hint}", path.display())]
-    NoTable {
-        /// The case.
-        path: PathBuf,
-        /// The table.
-        section: &'static str,
-        /// What it needs.
-        hint: &'static str,
-    },
-    /// A measured instant that is not prescribed.
-    #[error("{}: instant {instant} is measured, but the boundary has {n_instants} instants; give its boundary, or take it out", path.display())]
-    Instant {
-        /// The table.
-        path: PathBuf,
-        /// The instant.
-        instant: usize,
-        /// Instants of the boundary.
-        n_instants: usize,
-    },
-    /// A measured node that the mesh does not have.
-    #[error("{}: instant {instant} has node {node}, but the mesh has {n_nodes} nodes (counted from 0)", path.display())]
-    Node {
-        /// The table.
-        path: PathBuf,
-        /// The instant.
-        instant: usize,
-        /// The node.
-        node: u32,
-        /// Nodes of the mesh.
-        n_nodes: usize,
-    },
-    /// A node that is compared without a measurement.
-    #[error("{}: instant {instant} has no displacement of node {node}, which is compared; measure it, or leave it out with [measurement] nodes = [...]", path.display())]
-    NotMeasured {
-        /// The table.
-        path: PathBuf,
-        /// The instant.
-        instant: usize,
-        /// The node.
-        node: u32,
-    },
-    /// Nothing to compare.
-    #[error("nothing is measured: {what}")]
-    NoData {
-        /// Why.
-        what: String,
-    },
-    /// Fewer numbers than parameters.
-    #[error(
-        "{n_data} measured numbers cannot determine {n_parameters} parameters; measure more nodes or instants, or fit fewer"
-    )]
-    FewData {
-        /// Numbers compared.
-        n_data: usize,
-        /// Parameters fitted.
-        n_parameters: usize,
-    },
-    /// No weight above zero.
-    #[error("all weights are zero: {what}")]
-    NoWeight {
-        /// Why.
-        what: &'static str,
-    },
+    /// Data that cannot be fitted to: none, too few, or not those of the joint.
+    #[error("{0}")]
+    Data(String),
     /// A start outside the bounds.
     #[error("[fit] the start {name} = {start} lies outside its bounds {lower} to {upper}; move one of them")]
     StartOutside {
@@ -174,7 +113,32 @@ impl FitError {
     }
 }
 
+pub(crate) fn check_amount(n_data: usize, n_parameters: usize) -> Result<(), FitError> {
+    match n_data < n_parameters {
+        false => Ok(()),
+        true => Err(FitError::Data(format!(
+            "{n_data} measured numbers cannot determine {n_parameters} parameters; measure more nodes or instants, or fit fewer"
+        ))),
+    }
+}
+
 /// `key` of `section` cannot be used; `what` begins with the key.
 pub(crate) fn wrong(section: &'static str, key: &str, what: impl Into<String>) -> FitError {
     FitError::Key { section, key: key.to_owned(), what: what.into() }
+}
+
+/// The same where `is_wrong`.
+pub(crate) fn refuse_if(
+    is_wrong: bool,
+    section: &'static str,
+    key: &str,
+    what: impl Into<String>,
+) -> Result<(), FitError> {
+    if is_wrong { Err(wrong(section, key, what)) } else { Ok(()) }
+}
+
+/// Positive and finite, or a clear line.
+pub(crate) fn positive(section: &'static str, key: &str, value: f64) -> Result<f64, FitError> {
+    let what = || format!("{key} = {value}: it must be a finite number above zero");
+    if value.is_finite() && value > 0.0 { Ok(value) } else { Err(wrong(section, key, what())) }
 }

@@ -1,7 +1,6 @@
 //! How to fit.
 
-use crate::identify::intervals::constants::Constant;
-use crate::identify::solve::trust_region::TrustRegionOptions;
+use crate::identify::{Constant, TrustRegionOptions};
 use crate::io::case::{Discretisation, Intervals, WeightKind};
 
 /// What becomes of rotations that a model takes as small.

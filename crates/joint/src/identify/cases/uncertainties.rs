@@ -1,11 +1,7 @@
 //! What a case states of the uncertainty of its constants, and the defaults for what it does not state.
 
-use crate::identify::cases::error::{FitError, wrong};
-use crate::identify::cases::options::RotationCheck;
 use crate::identify::doubt::remarks::uncertainty_unused;
-use crate::identify::intervals::budget::NOISE_LEVEL;
-use crate::identify::intervals::constants::{Constant, ConstantKind, Face, Source};
-use crate::identify::objective::load_cell::LoadCell;
+use crate::identify::{Constant, ConstantKind, Face, FitError, LoadCell, NOISE_LEVEL, RotationCheck, Source, wrong};
 use crate::io::case::{CaseCohesive, CaseExact, CaseFit, CaseMaterial, CaseMeasurement, CaseSubstrate, EXACT, STD};
 use crate::io::joint::{JointInput, MeasurementInput, MeshInput};
 use crate::mechanics::Joint;
@@ -138,21 +134,23 @@ pub(crate) fn constants(
     Ok(list)
 }
 
-/// The width of the specimen.
+fn constant(
+    name: impl Into<String>,
+    kind: ConstantKind,
+    value: Option<f64>,
+    unit: &'static str,
+    (std, source): (f64, Source),
+) -> Constant {
+    Constant { name: name.into(), kind, value, unit, std, source }
+}
+
 fn width(input: &JointInput, fit: &CaseFit, cell: &LoadCell) -> Result<Constant, FitError> {
     let (section, key) = ("force", "width_mm_std");
     let exact = exact_of("fit", fit.exact.as_ref(), &OF_FIT)?;
     let stated = input.case.force.as_ref().and_then(|force| force.width_mm_std);
     let stated = stated.map(|std| positive(section, key, std)).transpose()?;
     let (std, source) = choose(section, key, stated, exact[5], Some(DEFAULT_WIDTH * cell.width_mm))?;
-    Ok(Constant {
-        name: WIDTH.to_owned(),
-        kind: ConstantKind::Width,
-        value: Some(cell.width_mm),
-        unit: "mm",
-        std,
-        source,
-    })
+    Ok(constant(WIDTH, ConstantKind::Width, Some(cell.width_mm), "mm", (std, source)))
 }
 
 fn materials(joint: &Joint, substrate: &CaseSubstrate) -> Result<Vec<Constant>, FitError> {
@@ -183,17 +181,9 @@ fn materials(joint: &Joint, substrate: &CaseSubstrate) -> Result<Vec<Constant>, 
                     "alpha" => DEFAULT_ALPHA * value,
                     _ => DEFAULT_YIELD * value,
                 };
-                let (std, source) =
-                    choose(section, &key, std_of(section, &given.values, &key)?, exact[index], Some(default))?;
+                let std = choose(section, &key, std_of(section, &given.values, &key)?, exact[index], Some(default))?;
                 let kind = ConstantKind::Material { groups: members.clone(), index };
-                list.push(Constant {
-                    name: format!("{}{suffix}", p.name),
-                    kind,
-                    value: Some(value),
-                    unit: p.unit,
-                    std,
-                    source,
-                });
+                list.push(constant(format!("{}{suffix}", p.name), kind, Some(value), p.unit, std));
             }
             Ok(())
         };
@@ -222,9 +212,8 @@ fn law(joint: &Joint, given: &CaseCohesive, fit: &CaseFit, found: &mut Vec<Remar
             continue;
         }
         let default = DEFAULT_LAW * value.abs();
-        let (std, source) = choose(section, &key, stated, exact[index], Some(default))?;
-        let kind = ConstantKind::Law { index };
-        list.push(Constant { name: p.name.to_owned(), kind, value: Some(value), unit: p.unit, std, source });
+        let std = choose(section, &key, stated, exact[index], Some(default))?;
+        list.push(constant(p.name, ConstantKind::Law { index }, Some(value), p.unit, std));
     }
     Ok(list)
 }
@@ -242,32 +231,17 @@ fn lengths(
     let key = "thickness_mm_std";
     let stated = given(key, fit.thickness_mm_std)?;
     let (std, source) = choose(section, key, stated, exact[0], in_px(DEFAULT_THICKNESS_PX))?;
-    let constant = |name: &str, kind, value, unit, (std, source): (f64, Source)| Constant {
-        name: name.to_owned(),
-        kind,
-        value,
-        unit,
-        std,
-        source,
-    };
     let gap = Some(joint.model.mesh().gap());
     let mut list = vec![constant("thickness", ConstantKind::Thickness, gap, "mm", (std, source))];
     let px = given("face_position_px_std", fit.face_position_px_std)?;
     let mm = given("face_position_mm_std", fit.face_position_mm_std)?;
+    let refused = |what: &str| wrong(section, "face_position_px_std", what);
     let stated = match (px, mm) {
         (Some(_), Some(_)) => {
-            return Err(wrong(
-                section,
-                "face_position_px_std",
-                "face_position_px_std and face_position_mm_std are both given; take one away",
-            ));
+            return Err(refused("face_position_px_std and face_position_mm_std are both given; take one away"));
         }
         (Some(px), None) => Some(in_px(px).ok_or_else(|| {
-            wrong(
-                section,
-                "face_position_px_std",
-                "face_position_px_std: the size of a pixel is not known here; give face_position_mm_std",
-            )
+            refused("face_position_px_std: the size of a pixel is not known here; give face_position_mm_std")
         })?),
         (None, mm) => mm,
     };

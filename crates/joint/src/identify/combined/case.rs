@@ -1,12 +1,11 @@
 //! Several tests as their case files describe them.
 
 use super::sources::{CombinedConstant, combined_constants};
-use crate::identify::cases::case::Case;
-use crate::identify::cases::error::{FitError, wrong};
+use crate::identify::cases::error::refuse_if;
 use crate::identify::doubt::remarks;
-use crate::identify::objective::problem::Problem;
+use crate::identify::{Case, FitError, wrong};
 use crate::io::joint::{JointMeshFile, MeshInput, TestInput, TestsInput};
-use crate::mechanics::Joint;
+use crate::mechanics::{Joint, Model};
 use crate::remark::Remark;
 
 /// Share by which the thickness of the adhesive may differ between tests before it is named: a law may depend on it.
@@ -53,18 +52,15 @@ impl<'a> CombinedCase<'a> {
     /// # Errors
     /// See [`FitError`]: laws that differ, what a single test refuses, what several tests cannot have.
     pub fn new(joints: &'a [Joint], input: &TestsInput) -> Result<Self, FitError> {
-        let refused = |key: &str, what: String| Err(wrong("fit", key, what).in_case(&input.text));
-        if input.fit.profile.is_some() {
-            return refused("profile", ALONE[0].into());
-        }
-        if input.fit.intervals == Some(crate::io::case::Intervals::Profile) {
-            return refused("intervals", ALONE[1].into());
-        }
-        if !input.fit.laws.is_empty() {
-            return refused("laws", ALONE[2].into());
-        }
-        if !input.fit.sweep.is_empty() {
-            return refused("sweep", "sweep is for quadrille identify --sweep, which takes one test".into());
+        let fit = &input.fit;
+        let alone = [
+            ("profile", fit.profile.is_some()),
+            ("intervals", fit.intervals == Some(crate::io::case::Intervals::Profile)),
+            ("laws", !fit.laws.is_empty()),
+            ("sweep", !fit.sweep.is_empty()),
+        ];
+        for ((key, is_asked), what) in alone.into_iter().zip(ALONE) {
+            refuse_if(is_asked, "fit", key, what).map_err(|error| error.in_case(&input.text))?;
         }
         same_law(joints, input)?;
         let mut tests = Vec::with_capacity(joints.len());
@@ -100,11 +96,12 @@ impl<'a> CombinedCase<'a> {
 }
 
 /// What a fit of several tests has not, and what to do.
-const ALONE: [&str; 3] = [
+const ALONE: [&str; 4] = [
     "profile: that of several tests is not computed; take it out here, and ask for it in the case of one test, fitted alone",
     "intervals = \"profile\": those of several tests are linear; give \"linear\" or nothing here, and ask for them in the case of one \
      test, fitted alone",
     "laws: laws are compared on one test; take them out here, and run quadrille identify --tournament on the case of each test",
+    "sweep is for quadrille identify --sweep, which takes one test",
 ];
 
 fn in_test(name: &str, error: FitError) -> FitError {
@@ -171,35 +168,32 @@ fn two_scales(test: &TestInput) -> Option<Remark> {
 
 /// What two tests say that hardly goes together.
 fn find_contradictions(tests: &[TestCase<'_>]) -> Vec<Remark> {
-    let mut found = Vec::new();
-    for (k, b) in tests.iter().enumerate() {
-        for a in &tests[..k] {
-            found.extend(same_data(a, b));
-            found.extend(other_gap(a, b));
-            found.extend(other_stiffness(a, b));
-        }
-    }
-    found
-}
-
-fn same_data(a: &TestCase<'_>, b: &TestCase<'_>) -> Option<Remark> {
     let data = |test: &TestCase<'_>| {
         let instants = &test.case.problem.observation.instants;
         instants.iter().map(|instant| instant.displacement.clone()).collect::<Vec<_>>()
     };
-    (data(a) == data(b)).then(|| remarks::data_twice([&a.name, &b.name]))
-}
-
-fn other_gap(a: &TestCase<'_>, b: &TestCase<'_>) -> Option<Remark> {
-    let gap = |problem: &Problem<'_>| problem.joint.model.mesh().gap();
-    let [x, y] = [gap(&a.case.problem), gap(&b.case.problem)];
-    let ratio = (x / y).max(y / x);
-    let other_unit = ratio.is_finite() && ratio > OTHER_UNIT;
-    (ratio > 1.0 + SAME_GAP).then(|| remarks::thickness_differs([&a.name, &b.name], [x, y], other_unit))
-}
-
-fn other_stiffness(a: &TestCase<'_>, b: &TestCase<'_>) -> Option<Remark> {
-    let young = |test: &TestCase<'_>| test.case.problem.joint.model.materials().first().map(|law| law.young());
-    let (x, y) = (young(a)?, young(b)?);
-    ((x / y).max(y / x) > OTHER_UNIT).then(|| remarks::stiffness_differs([&a.name, &b.name], [x, y]))
+    fn model<'a>(test: &TestCase<'a>) -> &'a Model {
+        &test.case.problem.joint.model
+    }
+    let ratio = |[x, y]: [f64; 2]| (x / y).max(y / x);
+    let mut found = Vec::new();
+    for (k, b) in tests.iter().enumerate() {
+        for a in &tests[..k] {
+            let names = [a.name.as_str(), b.name.as_str()];
+            if data(a) == data(b) {
+                found.push(remarks::data_twice(names));
+            }
+            let gaps = [a, b].map(|test| model(test).mesh().gap());
+            if ratio(gaps) > 1.0 + SAME_GAP {
+                let other_unit = ratio(gaps).is_finite() && ratio(gaps) > OTHER_UNIT;
+                found.push(remarks::thickness_differs(names, gaps, other_unit));
+            }
+            if let [Some(x), Some(y)] = [a, b].map(|test| model(test).materials().first().map(|law| law.young()))
+                && ratio([x, y]) > OTHER_UNIT
+            {
+                found.push(remarks::stiffness_differs(names, [x, y]));
+            }
+        }
+    }
+    found
 }

@@ -1,7 +1,7 @@
 //! Whether several tests want the same parameters of the law.
 
 use super::alone::pseudo_inverse;
-use crate::identify::doubt::misfit::{FALSE_REJECTIONS, as_normal, normal_tail};
+use crate::identify::{FALSE_REJECTIONS, as_normal, normal_tail};
 use crate::linalg::Dense;
 
 /// What one test would have the parameters do.

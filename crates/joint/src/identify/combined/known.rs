@@ -1,10 +1,8 @@
 //! What is known where the search of several tests ended.
 
-use super::search::{Searched, TestWeights, evaluate_tests, local_of, sum_of};
-use crate::identify::FitError;
-use crate::identify::intervals::statistics::{Led, Statistics};
-use crate::identify::objective::problem::Evaluation;
-use crate::identify::solve::trust_region::Local;
+use super::search::{Searched, TestWeights, evaluate_tests, locals_of, sum_of};
+use crate::identify::intervals::statistics::Led;
+use crate::identify::{Evaluation, FitError, Local, Statistics};
 use crate::linalg::Dense;
 
 /// The tests where the search ended.
@@ -26,15 +24,12 @@ pub(super) struct LedTogether {
 }
 
 impl Known {
-    /// That of `tests` under `weights` at the scaled unknowns `z`, where there is a solution.
-    ///
-    /// # Errors
-    /// A tangent without inverse.
+    /// That of `tests` under `weights` at the scaled unknowns `z`, where there is a solution. Errors: a tangent without
+    /// inverse.
     pub(super) fn at(tests: &[Searched<'_>], weights: &[TestWeights], z: &[f64]) -> Result<Self, FitError> {
         let x = tests[0].problem.unknowns.unscaled(z);
         let evaluations = evaluate_tests(tests, &x, true).ok_or(FitError::Lost)?;
-        let locals: Vec<Local> =
-            (tests.iter().zip(&evaluations).zip(weights)).map(|((t, e), w)| local_of(t, e, w)).collect();
+        let locals = locals_of(tests, &evaluations, weights);
         let sum = sum_of(&locals);
         let led = match sum.h.cholesky() {
             Ok(factor) => Some(LedTogether::new(tests, weights, &evaluations, &locals, &factor.inverse())?),

@@ -3,12 +3,10 @@
 use super::known::Known;
 use super::search::{Searched, TestWeights};
 use super::sources::{CombinedConstant, Contribution, effects};
-use crate::identify::doubt::discretisation::{Refined, Refinement};
-use crate::identify::intervals::bootstrap::Base;
-use crate::identify::intervals::budget::{Budget, Ingredients, NOISE_LEVEL};
-use crate::identify::intervals::constants::{Constant, ConstantEffect, Source};
-use crate::identify::intervals::intervals_::{IntervalBasis, doubts, settle};
-use crate::identify::result::fitted::{Fitted, FittedParameter, FittedQuantity, assess};
+use crate::identify::{
+    Base, Budget, Constant, ConstantEffect, Fitted, FittedParameter, FittedQuantity, Ingredients, IntervalBasis,
+    NOISE_LEVEL, Refined, Refinement, Source, assess, doubts, settle,
+};
 use crate::io::case::{Discretisation, Intervals};
 use crate::linalg::Dense;
 

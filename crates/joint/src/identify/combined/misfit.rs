@@ -1,14 +1,10 @@
 //! The misfit of each test at the parameters that all share, and of all of them together.
 
 use super::consistency::{Consistency, Pull, consistency};
-use crate::identify::FitError;
-use crate::identify::doubt::misfit::{FALSE_REJECTIONS, Misfit, MisfitGroup, Unexplained, normal_tail};
-use crate::identify::intervals::constants::ConstantEffect;
-use crate::identify::intervals::statistics::Statistics;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::weights::Weights;
-use crate::identify::solve::stage::full_weights;
-use crate::identify::solve::trust_region::Local;
+use crate::identify::doubt::misfit::Unexplained;
+use crate::identify::{
+    ConstantEffect, Evaluation, FitError, Local, Misfit, MisfitGroup, Problem, Statistics, Weights, full_weights, scale,
+};
 use crate::linalg::Dense;
 
 /// One test at the end of the fit.
@@ -42,21 +38,15 @@ impl<'a> White<'a> {
         let sigma = test.statistics.sigma;
         // With an unknown noise the inverse covariance holds that of noise 1.
         let unit = if test.problem.noise.sigma.is_some() { 1.0 } else { 1.0 / (sigma * sigma) };
-        let Local { omega, b, h, rescued } =
-            test.evaluation.local(own.as_ref().unwrap_or(test.weights), &test.problem.noise);
-        let n = b.len();
-        let h = Dense::from_fn(n, n, |r, c| unit * h[(r, c)]);
-        let b = b.iter().map(|b| unit * b).collect();
-        let local = Local { omega: unit * omega, b, h, rescued };
+        let weights = own.as_ref().unwrap_or(test.weights);
+        let local = test.evaluation.local(weights, &test.problem.noise).times(unit);
         Ok(Self { test, own, unit, local, jacobian: test.evaluation.jacobian() })
     }
 
     /// `u W d`.
     fn times(&self, d: &[Dense]) -> Vec<Dense> {
         let mut weighted = self.own.as_ref().unwrap_or(self.test.weights).times(&self.test.problem.noise, d);
-        for x in &mut weighted {
-            (0..x.n_columns()).for_each(|k| x.column_mut(k).iter_mut().for_each(|v| *v *= self.unit));
-        }
+        weighted.iter_mut().for_each(|x| scale(x, self.unit));
         weighted
     }
 
@@ -98,10 +88,8 @@ fn residual_after(tests: &[White<'_>], a: &Dense, changes: &[&[Dense]]) -> Vec<L
     tests.iter().zip(changes).map(of_test).collect()
 }
 
-/// The misfit of each test, of all together, and whether the tests agree on the parameters.
-///
-/// # Errors
-/// A tangent or a covariance without inverse.
+/// The misfit of each test, of all together, and whether the tests agree on the parameters. Errors: a tangent or a
+/// covariance without inverse.
 pub(super) fn misfits(tests: &[Judged<'_>]) -> Result<(Vec<Misfit>, Misfit, Option<Consistency>), FitError> {
     let white: Vec<White<'_>> = tests.iter().map(White::new).collect::<Result<_, _>>()?;
     let n = white[0].local.b.len();
@@ -170,22 +158,6 @@ fn together(names: &[&str], list: &[Misfit]) -> Misfit {
         };
         names.iter().zip(list).flat_map(named).collect()
     };
-    let (by_instant, by_region, by_both) =
-        (groups(|m| &m.by_instant), groups(|m| &m.by_region), groups(|m| &m.by_both));
-    let n_groups = by_instant.len() + by_region.len() + by_both.len();
-    Misfit {
-        omega,
-        freedom,
-        floor,
-        constants,
-        std,
-        z: (omega - expected) / std,
-        excess: omega / expected - 1.0,
-        tested: list.iter().all(|m| m.tested),
-        limit: list.first().map_or(0.0, |m| m.limit),
-        by_instant,
-        by_region,
-        by_both,
-        group_limit: normal_tail(FALSE_REJECTIONS / n_groups.max(1) as f64),
-    }
+    let groups = [groups(|m| &m.by_instant), groups(|m| &m.by_region), groups(|m| &m.by_both)];
+    Misfit::new([omega, freedom, constants], floor, (expected, std), list.iter().all(|m| m.tested), groups)
 }

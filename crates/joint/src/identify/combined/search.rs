@@ -1,12 +1,10 @@
 //! The search for the parameters that all tests share.
 
-use crate::identify::FitError;
-use crate::identify::cases::options::FitOptions;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::unknowns::Unknowns;
-use crate::identify::objective::weights::{InverseCovariance, Weights};
-use crate::identify::solve::stage::{COARSE, Stage, distance, full_weights, no_texture};
-use crate::identify::solve::trust_region::{End, FitStatus, Local, TrustRegionOptions, minimise_unless};
+use crate::identify::solve::stage::{distance, run_with};
+use crate::identify::{
+    COARSE, End, Evaluation, FitError, FitOptions, FitStatus, Local, Problem, Stage, TrustRegionOptions, Weights,
+    full_weights,
+};
 use crate::io::case::WeightKind;
 use crate::linalg::Dense;
 use rayon::prelude::*;
@@ -16,6 +14,7 @@ const REWEIGHTINGS: usize = 5;
 
 /// One test of several, as the search sees it.
 pub(super) struct Searched<'a> {
+    pub name: &'a str,
     pub problem: &'a Problem<'a>,
     pub options: &'a FitOptions,
 }
@@ -39,14 +38,7 @@ impl Searched<'_> {
 
     /// The weights to begin with.
     fn first(&self) -> Result<Weights, FitError> {
-        let problem = self.problem;
-        Ok(match self.options.weights {
-            WeightKind::Covariance if !self.noisy_boundary() => {
-                let n = problem.observation.instants.len();
-                Weights::Inverse(InverseCovariance::new(&problem.noise, n, Vec::new()).map_err(no_texture)?)
-            }
-            kind => problem.diagonal_weights(kind),
-        })
+        self.problem.first_weights(self.options.weights)
     }
 
     /// `weights` with the factor after which the objective is about the number of data: by the noise where that is
@@ -76,13 +68,12 @@ pub(super) fn evaluate_tests(tests: &[Searched<'_>], x: &[f64], again: bool) -> 
     tests.par_iter().map(one).collect()
 }
 
-/// The objective of one test, in units of its noise.
-pub(super) fn local_of(test: &Searched<'_>, evaluation: &Evaluation, weights: &TestWeights) -> Local {
-    let Local { omega, b, h, rescued } = evaluation.local(&weights.weights, &test.problem.noise);
-    let f = weights.factor;
-    let n = h.n_rows();
-    let h = Dense::from_fn(n, n, |r, c| f * h[(r, c)]);
-    Local { omega: f * omega, b: b.iter().map(|b| f * b).collect(), h, rescued }
+/// The objective of each test, in units of its noise.
+pub(super) fn locals_of(tests: &[Searched<'_>], evaluations: &[Evaluation], weights: &[TestWeights]) -> Vec<Local> {
+    let one = |((test, evaluation), of): ((&Searched<'_>, &Evaluation), &TestWeights)| {
+        evaluation.local(&of.weights, &test.problem.noise).times(of.factor)
+    };
+    tests.iter().zip(evaluations).zip(weights).map(one).collect()
 }
 
 /// The sum of the objectives of all tests.
@@ -99,29 +90,10 @@ pub(super) fn sum_of(locals: &[Local]) -> Local {
 }
 
 /// One start under fixed weights.
-pub(super) fn run(
-    tests: &[Searched<'_>],
-    weights: &[TestWeights],
-    unknowns: &Unknowns,
-    start: &[f64],
-    region: &TrustRegionOptions,
-) -> End {
-    let [lower, upper] = unknowns.scaled_bounds();
-    let watch = &tests[0].problem.watch;
-    let evaluate = |z: &[f64]| {
-        let x = unknowns.unscaled(z);
-        let local = evaluate_tests(tests, &x, false).map(|evaluations| {
-            let locals: Vec<Local> =
-                (tests.iter().zip(&evaluations).zip(weights)).map(|((t, e), w)| local_of(t, e, w)).collect();
-            sum_of(&locals)
-        });
-        let local = local.filter(|local| local.omega.is_finite());
-        watch.note_trial(local.as_ref().map(|local| local.omega), tests[0].problem.named(&x));
-        local
-    };
-    let ended = || watch.ended().map(|ended| (ended.status(), ended.reason()));
-    let limits = |z: &[f64]| unknowns.scaled_limits(z);
-    minimise_unless(&unknowns.scaled(start), [&lower, &upper], region, evaluate, limits, ended)
+pub(super) fn run(tests: &[Searched<'_>], weights: &[TestWeights], start: &[f64], region: &TrustRegionOptions) -> End {
+    run_with(tests[0].problem, start, region, |x| {
+        evaluate_tests(tests, x, false).map(|evaluations| sum_of(&locals_of(tests, &evaluations, weights)))
+    })
 }
 
 /// Where the search ended.
@@ -132,17 +104,15 @@ pub(super) struct Found {
     pub best: usize,
 }
 
-/// Fits all `tests` from `starts`; `better` chooses among the ends.
-///
-/// # Errors
-/// A covariance or a tangent without inverse. No start with a solution is an end without an objective.
+/// Fits all `tests` from `starts`; `better` chooses among the ends. Errors: a covariance or a tangent without inverse.
+/// No start with a solution is an end without an objective.
 pub(super) fn search(
     tests: &[Searched<'_>],
-    unknowns: &Unknowns,
     starts: &[Vec<f64>],
     region: &TrustRegionOptions,
     better: impl Fn(&[End]) -> usize,
 ) -> Result<Found, FitError> {
+    let unknowns = &tests[0].problem.unknowns;
     let first = evaluate_tests(tests, &starts[0], false);
     let begin = |(k, test): (usize, &Searched<'_>)| -> Result<TestWeights, FitError> {
         let weights = test.first()?;
@@ -155,7 +125,7 @@ pub(super) fn search(
     let follows = tests.iter().any(Searched::follows);
     let tolerance = if follows && starts.len() == 1 { COARSE } else { region.step_tolerance };
     let coarse = TrustRegionOptions { step_tolerance: tolerance, ..*region };
-    let ends: Vec<End> = starts.par_iter().map(|start| run(tests, &weights, unknowns, start, &coarse)).collect();
+    let ends: Vec<End> = starts.par_iter().map(|start| run(tests, &weights, start, &coarse)).collect();
     let best = better(&ends);
     let mut stage = Stage::of(ends[best].clone());
     let mut round = 0;
@@ -174,13 +144,13 @@ pub(super) fn search(
         let step_tolerance = if last { region.step_tolerance } else { COARSE };
         let before = stage.z.clone();
         let again = TrustRegionOptions { first_radius: 0.1, step_tolerance, ..*region };
-        stage.add(run(tests, &weights, unknowns, &x, &again));
+        stage.add(run(tests, &weights, &x, &again));
         let still = distance(&before, &stage.z) <= COARSE;
         go_on = stage.status == FitStatus::Converged && !last;
         if go_on && still {
             // What new weights would change is below what the last digits are worth; those are made under these.
             let fine = TrustRegionOptions { first_radius: 0.1, ..*region };
-            stage.add(run(tests, &weights, unknowns, &unknowns.unscaled(&stage.z), &fine));
+            stage.add(run(tests, &weights, &unknowns.unscaled(&stage.z), &fine));
             go_on = false;
         }
     }

@@ -2,8 +2,8 @@
 
 use super::alone::stds_of_information;
 use super::known::Known;
-use crate::identify::doubt::missing_mode::opening_share;
-use crate::identify::objective::problem::{Evaluation, Problem};
+use super::search::Searched;
+use crate::identify::{Evaluation, opening_share};
 use crate::linalg::Dense;
 
 /// Least growth of a standard uncertainty that makes a test worth something.
@@ -30,19 +30,19 @@ pub struct TestShare {
 }
 
 /// The shares of tests that ended as `known`.
-pub(super) fn shares(names: &[&str], problems: &[&Problem<'_>], known: &Known) -> Vec<TestShare> {
+pub(super) fn shares(tests: &[Searched<'_>], known: &Known) -> Vec<TestShare> {
     let n = known.sum.b.len();
     let zero = || Dense::zeros(n, n);
     let spread_of = |k: usize| known.led.as_ref().map(|led| &led.spreads[k]);
     let of_test = |k: usize| {
         let evaluation: &Evaluation = &known.evaluations[k];
-        let slopes = problems[k].unknowns.slopes(&evaluation.x);
+        let slopes = tests[k].problem.unknowns.slopes(&evaluation.x);
         let in_units = |stds: Vec<Option<f64>>| -> Vec<Option<f64>> {
             stds.iter().zip(&slopes).map(|(std, slope)| std.map(|std| std * slope)).collect()
         };
         let of = |wanted: &dyn Fn(usize) -> bool| {
             let (mut h, mut spread) = (zero(), zero());
-            for j in (0..problems.len()).filter(|&j| wanted(j)) {
+            for j in (0..tests.len()).filter(|&j| wanted(j)) {
                 h.add(1.0, &known.locals[j].h);
                 spread.add(1.0, spread_of(j).unwrap_or(&known.locals[j].h));
             }
@@ -54,17 +54,17 @@ pub(super) fn shares(names: &[&str], problems: &[&Problem<'_>], known: &Known) -
             (Some(without), Some(all)) => *without <= WORTH * all,
             (without, all) => without.is_none() && all.is_none(),
         };
-        let law = problems[k].unknowns.law_at(&evaluation.x).ok();
+        let law = tests[k].problem.unknowns.law_at(&evaluation.x).ok();
         let fields = || evaluation.solution.instants.iter().map(|instant| &instant.displacement);
         TestShare {
-            name: names[k].to_owned(),
-            n_data: problems[k].observation.n_data(),
+            name: tests[k].name.to_owned(),
+            n_data: tests[k].problem.observation.n_data(),
             omega: known.locals[k].omega,
-            adds_nothing: problems.len() > 1 && std_without.iter().zip(&all).all(same),
+            adds_nothing: tests.len() > 1 && std_without.iter().zip(&all).all(same),
             std_alone,
             std_without,
-            opening_share: law.and_then(|law| opening_share(&problems[k].joint.model, &*law, fields())),
+            opening_share: law.and_then(|law| opening_share(&tests[k].problem.joint.model, &*law, fields())),
         }
     };
-    (0..problems.len()).map(of_test).collect()
+    (0..tests.len()).map(of_test).collect()
 }

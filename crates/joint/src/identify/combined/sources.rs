@@ -1,11 +1,10 @@
 //! Constants of several tests: which are one and the same, and what each does to the parameters that all tests share.
 
-use crate::identify::cases::error::{FitError, wrong};
 use crate::identify::doubt::remarks::uncertainties_differ;
-use crate::identify::intervals::budget::NOISE_LEVEL;
-use crate::identify::intervals::constants::{Constant, ConstantEffect, ConstantKind, Source, power_of_length};
-use crate::identify::intervals::statistics::Statistics;
-use crate::identify::objective::problem::{Evaluation, Problem};
+use crate::identify::intervals::constants::power_of_length;
+use crate::identify::{
+    Constant, ConstantEffect, ConstantKind, Evaluation, FitError, NOISE_LEVEL, Problem, Source, Statistics, wrong,
+};
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::Jump;
 use crate::remark::Remark;
@@ -21,10 +20,7 @@ pub(super) struct CombinedConstant {
 
 /// The constants of all tests, each called as in `names`. `shared` lists those whose error is the same in all tests;
 /// without it these are the constants of the strips that agree in value and uncertainty. Parameters of the law always
-/// are.
-///
-/// # Errors
-/// A name in `shared` that no test has, or whose values differ.
+/// are. Errors: a name in `shared` that no test has, or whose values differ.
 pub(super) fn combined_constants(
     names: &[&str],
     constants: &[&[Constant]],
@@ -76,13 +72,9 @@ pub(super) fn combined_constants(
         }
     }
     // One that others have under the same name says whose it is.
-    let of_several: Vec<bool> = found
-        .iter()
-        .map(|one| {
-            let others = found.iter().filter(|other| other.constant.name == one.constant.name).count();
-            others > 1
-        })
-        .collect();
+    let namesakes =
+        |one: &CombinedConstant| found.iter().filter(|other| other.constant.name == one.constant.name).count();
+    let of_several: Vec<bool> = found.iter().map(|one| namesakes(one) > 1).collect();
     for (one, _) in found.iter_mut().zip(of_several).filter(|(_, several)| *several) {
         let owners: Vec<&str> = one.of.iter().zip(names).filter_map(|(of, name)| of.map(|_| *name)).collect();
         one.constant.name = format!("{} ({})", one.constant.name, owners.join(", "));
@@ -165,7 +157,7 @@ pub(super) fn effects(tests: &[Contribution<'_>], constants: &[CombinedConstant]
             scaled.iter_mut().zip(moved).for_each(|(sum, z)| *sum += z);
         }
         for (k, test) in tests.iter().enumerate() {
-            let law = test.law_change(&combined.constant, &scaled);
+            let law = test.problem.law_change(&combined.constant, &test.evaluation.x, &scaled);
             let (jumps, rows) = match found[k] {
                 Some(effect) => (effect.jumps.clone(), effect.rows.clone()),
                 None => test.still(),
@@ -196,20 +188,6 @@ impl Contribution<'_> {
             }
         }
         effects
-    }
-
-    /// Change of each parameter of the law for the change `scaled` of the unknowns and one of `constant`, where that is
-    /// one of them.
-    fn law_change(&self, constant: &Constant, scaled: &[f64]) -> Vec<f64> {
-        let unknowns = &self.problem.unknowns;
-        let mut law = vec![0.0; unknowns.law().parameters().len()];
-        if let ConstantKind::Law { index } = constant.kind {
-            law[index] = constant.std;
-        }
-        for ((unknown, slope), z) in unknowns.list().iter().zip(unknowns.slopes(&self.evaluation.x)).zip(scaled) {
-            law[unknown.index] = slope * z;
-        }
-        law
     }
 
     /// Jumps and rows that do not move.

@@ -2,9 +2,7 @@
 
 use super::consistency::Consistency;
 use super::share::TestShare;
-use crate::identify::doubt::misfit::{FALSE_REJECTIONS, Misfit, normal_tail};
-use crate::identify::doubt::verdict::{Grounds, Outcome, Verdict};
-use crate::identify::result::fitted::FittedParameter;
+use crate::identify::{FALSE_REJECTIONS, FittedParameter, Grounds, Misfit, Outcome, Verdict, normal_tail};
 
 /// A parameter needs the tests together when the best of them alone leaves it with more than this times the
 /// uncertainty.
@@ -86,7 +84,6 @@ fn worst_moves(of: &OfTests<'_>, consistency: &Consistency) -> String {
     if said.is_empty() { String::new() } else { format!("; {}", said.join(", ")) }
 }
 
-/// Which test determines which parameter.
 fn who_determines(of: &OfTests<'_>) -> Vec<String> {
     if of.shares.len() < 2 || of.shares.iter().any(|share| share.std_alone.len() != of.parameters.len()) {
         return Vec::new();
@@ -123,7 +120,6 @@ fn who_determines(of: &OfTests<'_>) -> Vec<String> {
     sentences
 }
 
-/// The tests that could be left out.
 fn nothing_new(of: &OfTests<'_>) -> Vec<String> {
     let said = |share: &TestShare| {
         format!("test \"{}\" adds nothing: without it every standard uncertainty is the same to 1 %", share.name)

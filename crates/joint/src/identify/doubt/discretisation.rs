@@ -1,13 +1,10 @@
 //! What the size of the elements does to the parameters: the model once more with elements half as large.
 
-use crate::identify::objective::load_cell::LoadCell;
-use crate::identify::objective::noise::{Precision, even_texture};
-use crate::identify::objective::problem::{Evaluation, Problem};
+use crate::identify::{Evaluation, LoadCell, ObservedInstant, Precision, Problem, even_texture};
 use crate::io::joint::RunMatrix;
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::Jump;
 use crate::mechanics::{BoundaryHistory, Carry, ForwardOptions, Instant, JointMesh, Model};
-use std::cell::Cell;
 use std::collections::HashMap;
 
 /// What elements half as large would change.
@@ -41,17 +38,11 @@ impl Problem<'_> {
         let (mesh, carry) = model.mesh().refined(2).ok()?;
         let boundary = model.mesh().carry_boundary(&carry, boundary);
         let fine = Model::for_boundary(mesh, model.materials().to_vec(), &boundary, *model.options()).ok()?;
-        let (most, steps) = (self.most_steps(&fine, &boundary), Cell::new(0_usize));
-        let go_on = |instant: usize| {
-            steps.set(steps.get() + 1);
-            self.watch.at(instant, boundary.instants().len(), || self.named(&evaluation.x));
-            steps.get() <= most && self.watch.ended().is_none()
-        };
-        let solution = fine.forward_while(&*law, &boundary, &ForwardOptions::default(), &go_on).ok()?;
+        let ended = || self.watch.ended().is_some();
+        let of_law = (&*law, evaluation.x.as_slice());
+        let solution = self.forward(&fine, of_law, &boundary, &ForwardOptions::default(), &ended).ok()?;
         let observation = &self.observation;
-        let compared = |i: &crate::identify::objective::observation::ObservedInstant| {
-            solution.instants[i.index].status.converged()
-        };
+        let compared = |i: &ObservedInstant| solution.instants[i.index].status.converged();
         if !observation.instants.iter().all(compared) {
             return None;
         }
@@ -61,7 +52,7 @@ impl Problem<'_> {
             true => Some(Projection::new(model.mesh(), fine.mesh(), &carry)?),
             false => None,
         };
-        let difference = |observed: &crate::identify::objective::observation::ObservedInstant| {
+        let difference = |observed: &ObservedInstant| {
             let finer = &solution.instants[observed.index].displacement;
             // Nodes keep their numbers in the finer mesh.
             let seen = projection.as_ref().map_or_else(|| finer.clone(), |projection| projection.of(finer));

@@ -1,13 +1,9 @@
 //! How well a fit predicts instants that it has not seen.
 
-use crate::identify::FitError;
-use crate::identify::cases::options::FitOptions;
-use crate::identify::objective::observation::Observation;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::weights::{InverseCovariance, Weights};
-use crate::identify::solve::fit::Fit;
-use crate::identify::solve::stage::{COARSE, no_texture, run};
-use crate::identify::solve::trust_region::{FitStatus, TrustRegionOptions};
+use crate::identify::solve::stage::run;
+use crate::identify::{
+    COARSE, Evaluation, Fit, FitError, FitOptions, FitStatus, Observation, Problem, TrustRegionOptions, Weights,
+};
 use crate::io::case::WeightKind;
 use crate::linalg::Dense;
 use rayon::prelude::*;
@@ -41,10 +37,8 @@ impl Problem<'_> {
     }
 
     /// The instants left out of `fit` part by part: every part is predicted by a fit to the others that goes on from
-    /// there; `None` where there are fewer than two instants, or such a fit has no solution or no time.
-    ///
-    /// # Errors
-    /// A covariance without inverse.
+    /// there; `None` where there are fewer than two instants, or such a fit has no solution or no time. Errors: a
+    /// covariance without inverse.
     pub(crate) fn left_out(
         &self,
         fit: &Fit,
@@ -59,8 +53,7 @@ impl Problem<'_> {
                 true => Vec::new(),
                 false => instants.iter().map(|&i| statistics.by_boundary[i].clone()).collect(),
             };
-            let inverse = InverseCovariance::new(&self.noise, instants.len(), by_boundary).map_err(no_texture)?;
-            Ok(Weights::Inverse(inverse))
+            self.at_instants(instants)?.inverse_covariance(by_boundary)
         };
         let max_evaluations = if rejected { EVALUATIONS_REJECTED } else { EVALUATIONS };
         let region = TrustRegionOptions { step_tolerance: COARSE, max_evaluations, ..options.region };

@@ -1,12 +1,7 @@
 //! Whether the data contradict the model: the objective against its expectation, as a whole and by instant and region
 //! (THEORY 11).
 
-use crate::identify::FitError;
-use crate::identify::intervals::constants::ConstantEffect;
-use crate::identify::intervals::statistics::Statistics;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::weights::Weights;
-use crate::identify::solve::stage::full_weights;
+use crate::identify::{ConstantEffect, Evaluation, FitError, Problem, Statistics, Weights, full_weights};
 use crate::linalg::Dense;
 use crate::mechanics::JointMesh;
 use rayon::prelude::*;
@@ -74,6 +69,32 @@ pub struct MisfitGroup {
 }
 
 impl Misfit {
+    /// That of an objective with this expectation and standard deviation; groups by instant, region and both.
+    pub(crate) fn new(
+        [omega, freedom, constants]: [f64; 3],
+        floor: Option<f64>,
+        (expected, std): (f64, f64),
+        tested: bool,
+        [by_instant, by_region, by_both]: [Vec<MisfitGroup>; 3],
+    ) -> Self {
+        let n_groups = by_instant.len() + by_region.len() + by_both.len();
+        Self {
+            omega,
+            freedom,
+            floor,
+            constants,
+            std,
+            z: (omega - expected) / std,
+            excess: omega / expected - 1.0,
+            tested,
+            limit: normal_tail(FALSE_REJECTIONS),
+            by_instant,
+            by_region,
+            by_both,
+            group_limit: normal_tail(FALSE_REJECTIONS / n_groups.max(1) as f64),
+        }
+    }
+
     /// Whether the data reject the model.
     pub fn rejected(&self) -> bool {
         (self.tested && self.z > self.limit) || !self.significant().is_empty()
@@ -132,10 +153,7 @@ pub(crate) fn as_normal(ratio: f64, freedom: f64) -> f64 {
 
 impl Problem<'_> {
     /// The misfit of a fit that ended at `evaluation` under `weights`; `refined` is the change of the measured rows
-    /// that a mesh cut in four would make ([`Problem::refine`]).
-    ///
-    /// # Errors
-    /// A tangent or a covariance without inverse.
+    /// that a mesh cut in four would make ([`Problem::refine`]). Errors: a tangent or a covariance without inverse.
     pub(crate) fn misfit(
         &self,
         evaluation: &Evaluation,
@@ -190,30 +208,10 @@ impl Problem<'_> {
         // A constant that is off by a normal variable adds its square.
         let of_squares: f64 = squares.iter().map(|square| 2.0 * square * square).sum();
         let std = (2.0 * freedom + 4.0 * moved + of_squares + (2.0 * NOISE_LEVEL_STD * expected).powi(2)).sqrt();
-        let n_groups;
-        let (by_instant, by_region, by_both) = {
-            let left = left.as_ref().map(|(_, left)| left.as_slice());
-            let of_constants: Vec<&[Dense]> = of_constants.iter().map(|(_, left)| left.as_slice()).collect();
-            let groups = Groups::new(self, evaluation, statistics, left, &of_constants);
-            let lists = groups.all(self);
-            n_groups = lists.0.len() + lists.1.len() + lists.2.len();
-            lists
-        };
-        Misfit {
-            omega,
-            freedom,
-            floor,
-            constants,
-            std,
-            z: (omega - expected) / std,
-            excess: omega / expected - 1.0,
-            tested: self.noise.sigma.is_some(),
-            limit: normal_tail(FALSE_REJECTIONS),
-            by_instant,
-            by_region,
-            by_both,
-            group_limit: normal_tail(FALSE_REJECTIONS / n_groups.max(1) as f64),
-        }
+        let left = left.as_ref().map(|(_, left)| left.as_slice());
+        let of_constants: Vec<&[Dense]> = of_constants.iter().map(|(_, left)| left.as_slice()).collect();
+        let groups = Groups::new(self, evaluation, statistics, left, &of_constants).all(self);
+        Misfit::new([omega, freedom, constants], floor, (expected, std), self.noise.sigma.is_some(), groups)
     }
 
     /// `d^T Q d` of a change `d` of the rows, `Q = W - W J (J^T W J)^-1 J^T W`, and the part of `d` that other
@@ -366,7 +364,7 @@ impl Groups {
         }
     }
 
-    fn all(&self, problem: &Problem<'_>) -> (Vec<MisfitGroup>, Vec<MisfitGroup>, Vec<MisfitGroup>) {
+    fn all(&self, problem: &Problem<'_>) -> [Vec<MisfitGroup>; 3] {
         let observation = &problem.observation;
         let n = observation.instants.len();
         let number = |i: usize| observation.instants[i].index + 1;
@@ -398,7 +396,7 @@ impl Groups {
                 by_both.extend(Some(group).filter(|group| group.n > 0));
             }
         }
-        (by_instant, by_region, by_both)
+        [by_instant, by_region, by_both]
     }
 }
 

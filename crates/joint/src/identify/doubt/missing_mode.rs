@@ -1,6 +1,6 @@
 //! Which kind of test would tell what a test leaves open: one that opens the joint, or one that slides it (THEORY 12).
 
-use crate::identify::objective::problem::{Evaluation, Problem};
+use crate::identify::{Evaluation, Problem};
 use crate::linalg::Dense;
 use crate::mechanics::Model;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump, Traction};

@@ -3,7 +3,7 @@
 //! Thresholds are wide: what they catch is a wrong unit, a wrong row of a table, a wrong scale. docs/identification.md
 //! lists them.
 
-use crate::identify::objective::problem::Problem;
+use crate::identify::Problem;
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump, Traction};
 use crate::mechanics::substrate::SubstrateLaw;
@@ -64,31 +64,21 @@ pub fn implausible_joint(problem: &Problem<'_>, mm_per_px: Option<f64>) -> Vec<R
     if let Some(measured) = largest_jumps(problem) {
         let peak = at_peak(law);
         if measured.normal < LOADED_AT_START * peak.normal && measured.tangential < LOADED_AT_START * peak.tangential {
-            found.push(implausible(
-                Code::StartImplausible,
-                "start",
-                peak.normal,
-                "mm",
-                format!(
-                    "the fit starts from a law whose largest tractions are at {:.3e} mm of opening and {:.3e} mm of sliding, but \
-                     the joint opens by {:.3e} and slides by {:.3e} mm at most: are all lengths in mm?",
-                    peak.normal, peak.tangential, measured.normal, measured.tangential
-                ),
-            ));
+            let what = format!(
+                "the fit starts from a law whose largest tractions are at {:.3e} mm of opening and {:.3e} mm of sliding, but the \
+                 joint opens by {:.3e} and slides by {:.3e} mm at most: are all lengths in mm?",
+                peak.normal, peak.tangential, measured.normal, measured.tangential
+            );
+            found.push(implausible(Code::StartImplausible, "start", peak.normal, "mm", what));
         }
         let open = law.front_opening();
         if measured.normal > 1e3 * open {
-            found.push(implausible(
-                Code::StartImplausible,
-                "opening",
-                measured.normal,
-                "mm",
-                format!(
-                    "the joint opens by {:.3e} mm, the law that the fit starts from counts it as open at {open:.3e} mm: are \
-                     all lengths in mm?",
-                    measured.normal
-                ),
-            ));
+            let what = format!(
+                "the joint opens by {:.3e} mm, the law that the fit starts from counts it as open at {open:.3e} mm: are all \
+                 lengths in mm?",
+                measured.normal
+            );
+            found.push(implausible(Code::StartImplausible, "opening", measured.normal, "mm", what));
         }
     }
     found
@@ -114,20 +104,15 @@ pub fn implausible_result(problem: &Problem<'_>, law: &dyn CohesiveLaw) -> Vec<R
         }
     }
     for (p, value) in law.parameters().iter().zip(law.values()).filter(|(p, _)| p.unit == "N/mm") {
-        if value < WORK[0] {
-            let what = format!(
-                "{} = {value:.3e} N/mm ({:.2} J/m^2) is less than any bond takes: are E in MPa and lengths in mm?",
-                p.name,
-                1e3 * value
-            );
-            found.push(implausible(Code::LawImplausible, p.name, value, "N/mm", what));
-        } else if value > WORK[1] {
-            let what = format!(
-                "{} = {value:.4} N/mm (kJ/m^2) is more than any adhesive takes: are E in MPa and lengths in mm?",
-                p.name
-            );
-            found.push(implausible(Code::LawImplausible, p.name, value, "N/mm", what));
-        }
+        let extent = match value {
+            value if value < WORK[0] => {
+                format!("{value:.3e} N/mm ({:.2} J/m^2) is less than any bond takes", 1e3 * value)
+            }
+            value if value > WORK[1] => format!("{value:.4} N/mm (kJ/m^2) is more than any adhesive takes"),
+            _ => continue,
+        };
+        let what = format!("{} = {extent}: are E in MPa and lengths in mm?", p.name);
+        found.push(implausible(Code::LawImplausible, p.name, value, "N/mm", what));
     }
     if let Some(measured) = largest_jumps(problem) {
         let peak = at_peak(law);
@@ -170,12 +155,12 @@ fn of_material(material: &dyn SubstrateLaw, of: &str, law: &dyn CohesiveLaw, fou
         _ if young >= YOUNG[0] => format!(" beside tractions of {peak:.3} MPa"),
         _ => String::new(),
     };
-    if too_soft && in_metals(1e3 * young) {
-        let what = format!("E{of} = {young} MPa{beside}: GPa meant? ({} MPa)", 1e3 * young);
-        add("E", young, "MPa", what);
-    } else if too_soft {
-        let what = format!("E{of} = {young} MPa{beside}: no metal, polymer or wood is so soft");
-        add("E", young, "MPa", what);
+    if too_soft {
+        let what = match in_metals(1e3 * young) {
+            true => format!("GPa meant? ({} MPa)", 1e3 * young),
+            false => "no metal, polymer or wood is so soft".to_owned(),
+        };
+        add("E", young, "MPa", format!("E{of} = {young} MPa{beside}: {what}"));
     } else if young > YOUNG[1] {
         let meant = if in_metals(1e-6 * young) { format!(": Pa meant? ({} MPa)", 1e-6 * young) } else { String::new() };
         add("E", young, "MPa", format!("E{of} = {young} MPa is stiffer than diamond{meant}"));
@@ -225,27 +210,22 @@ fn lengths(joint: &Joint, mm_per_px: Option<f64>, found: &mut Vec<Remark>) {
         }
     }
     let height = strip_height(joint);
-    if gap > THICKEST {
-        found.push(implausible(
-            Code::LengthImplausible,
-            "thickness",
-            gap,
-            "mm",
-            format!("an adhesive of {gap:.4} mm: are all lengths in mm?"),
-        ));
-    } else if gap > height {
-        let what = format!("the adhesive of {gap:.3e} mm is thicker than a strip of {height:.3e} mm beside it");
-        found.push(implausible(Code::LengthImplausible, "thickness", gap, "mm", what));
-    }
+    let what = match gap {
+        gap if gap > THICKEST => format!("an adhesive of {gap:.4} mm: are all lengths in mm?"),
+        gap if gap > height => {
+            format!("the adhesive of {gap:.3e} mm is thicker than a strip of {height:.3e} mm beside it")
+        }
+        _ => return,
+    };
+    found.push(implausible(Code::LengthImplausible, "thickness", gap, "mm", what));
 }
 
 /// How far the thinnest strip beside the adhesive reaches from its face, mm: along the mean normal.
 fn strip_height(joint: &Joint) -> f64 {
     let mesh = joint.model.mesh();
     let mut normal = [0.0; 2];
-    for &[l1, l2, u1, u2] in mesh.interfaces() {
-        let at = |node: u32| mesh.nodes()[node as usize];
-        let t = [0, 1].map(|c| at(l2)[c] + at(u2)[c] - at(l1)[c] - at(u1)[c]);
+    for &corners in mesh.interfaces() {
+        let t = mesh.twice_along(corners);
         normal = [normal[0] - t[1], normal[1] + t[0]];
     }
     let length = normal[0].hypot(normal[1]);
@@ -269,8 +249,7 @@ fn largest_jumps(problem: &Problem<'_>) -> Option<Jump> {
     observation.nodes.iter().enumerate().for_each(|(k, &node)| place[node as usize] = Some(k));
     let mut most: Option<Jump> = None;
     for &[l1, l2, u1, u2] in mesh.interfaces() {
-        let at = |node: u32| mesh.nodes()[node as usize];
-        let t = [0, 1].map(|c| at(l2)[c] + at(u2)[c] - at(l1)[c] - at(u1)[c]);
+        let t = mesh.twice_along([l1, l2, u1, u2]);
         let length = t[0].hypot(t[1]);
         for [lower, upper] in [[l1, u1], [l2, u2]] {
             let (Some(lower), Some(upper)) = (place[lower as usize], place[upper as usize]) else { continue };

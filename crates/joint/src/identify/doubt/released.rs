@@ -1,26 +1,15 @@
 //! The prescribed parameters of the law, tried once as unknowns: does the objective want them elsewhere? (THEORY 11)
 
-use crate::identify::intervals::statistics::Statistics;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::unknowns::Unknowns;
-use crate::identify::objective::weights::Weights;
 use crate::identify::solve::stage::run;
-use crate::identify::solve::trust_region::{FitStatus, TrustRegionOptions};
-use crate::identify::{FitError, NORMAL_95};
+use crate::identify::{
+    Asked, Evaluation, FitError, FitStatus, NORMAL_95, Problem, Statistics, TrustRegionOptions, Unknowns, Weights,
+};
 use crate::mechanics::BoundaryHistory;
+use crate::mechanics::cohesive::CohesiveLaw;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// Scaled step at which the trial ends: its objective is then good to far below one.
-pub(crate) const STEP: f64 = 1e-4;
-/// Evaluations after which it is given up where it is.
-pub(crate) const EVALUATIONS: usize = 20;
 /// The share of right prescriptions for which the fall of the objective is called significant.
 const FALSE_ALARMS: f64 = 1e-3;
-
-/// Fall of the objective that `freedom` right prescriptions exceed in one of a thousand cases.
-pub(crate) fn limit(freedom: usize) -> f64 {
-    ChiSquared::new(freedom as f64).map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - FALSE_ALARMS))
-}
 
 /// What becomes of the objective when the prescribed parameters of the law are unknowns too, all together, under the
 /// weights of the fit.
@@ -65,12 +54,62 @@ impl ReleasedParameter {
     }
 }
 
+/// A law all of whose parameters are unknowns, as a trial.
+pub(crate) struct Trial {
+    law: Box<dyn CohesiveLaw>,
+    /// As of [`Unknowns::new`]: those fitted, then those prescribed.
+    list: Vec<Asked>,
+    fitted: usize,
+}
+
+impl Trial {
+    /// How it is searched: its objective is then good to far below one, or it is given up where it is.
+    pub fn region() -> TrustRegionOptions {
+        TrustRegionOptions { step_tolerance: 1e-4, max_evaluations: 20, ..TrustRegionOptions::default() }
+    }
+
+    /// The trial from `x` on; `None` where nothing is prescribed, or `n_data` numbers are too few for it.
+    pub fn new(unknowns: &Unknowns, x: &[f64], n_data: usize) -> Result<Option<Self>, FitError> {
+        let law = unknowns.law_at(x)?;
+        let mut list: Vec<Asked> = (unknowns.list().iter().zip(x))
+            .map(|(unknown, &x)| (unknown.index, x, Some(unknown.bounds[0]), Some(unknown.bounds[1])))
+            .collect();
+        let fitted = list.len();
+        for (index, value) in law.values().into_iter().enumerate() {
+            if list[..fitted].iter().all(|(other, ..)| *other != index) {
+                list.push((index, value, None, None));
+            }
+        }
+        Ok((list.len() > fitted && n_data > list.len()).then_some(Self { law, list, fitted }))
+    }
+
+    /// Its unknowns; `None` where the law allows no other values.
+    pub fn unknowns(&self) -> Option<Unknowns> {
+        Unknowns::new(&*self.law, &self.list).ok()
+    }
+
+    /// What the trial that ended so with the parameters `x`, each known to `std`, comes to.
+    pub fn released(&self, status: FitStatus, x: &[f64], std: impl Fn(usize) -> Option<f64>, gain: f64) -> Released {
+        let prescribed = &self.list[self.fitted..];
+        let parameter = |(k, &(index, prescribed, ..)): (usize, &Asked)| ReleasedParameter {
+            name: self.law.parameters()[index].name,
+            prescribed,
+            value: x[k],
+            std: std(k).filter(|std| std.is_finite()),
+        };
+        let chance = ChiSquared::new(prescribed.len() as f64);
+        Released {
+            limit: chance.map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - FALSE_ALARMS)),
+            parameters: (self.fitted..).zip(prescribed).map(parameter).collect(),
+            gain,
+            converged: status == FitStatus::Converged,
+        }
+    }
+}
+
 impl Problem<'_> {
     /// Tries the prescribed parameters of the law as unknowns, from the end `evaluation` of the fit on; `None` where
-    /// there are none, or the law allows no others.
-    ///
-    /// # Errors
-    /// A tangent without inverse.
+    /// there are none, or the law allows no others. Errors: a tangent without inverse.
     pub(crate) fn release(
         &self,
         evaluation: &Evaluation,
@@ -78,24 +117,12 @@ impl Problem<'_> {
         statistics: &Statistics,
         boundary: &BoundaryHistory,
     ) -> Result<Option<Released>, FitError> {
-        let law = self.unknowns.law_at(&evaluation.x)?;
-        let values = law.values();
-        let mut list: Vec<(usize, f64, Option<f64>, Option<f64>)> = (self.unknowns.list().iter().zip(&evaluation.x))
-            .map(|(unknown, &x)| (unknown.index, x, Some(unknown.bounds[0]), Some(unknown.bounds[1])))
-            .collect();
-        let fitted = list.len();
-        let prescribed: Vec<usize> =
-            (0..values.len()).filter(|index| list.iter().all(|(fitted, ..)| fitted != index)).collect();
-        list.extend(prescribed.iter().map(|&index| (index, values[index], None, None)));
-        if prescribed.is_empty() || self.observation.n_data() <= list.len() {
+        let Some(trial) = Trial::new(&self.unknowns, &evaluation.x, self.observation.n_data())? else {
             return Ok(None);
-        }
-        let Ok(unknowns) = Unknowns::new(&*law, &list) else { return Ok(None) };
+        };
+        let Some(unknowns) = trial.unknowns() else { return Ok(None) };
         let problem = self.with_unknowns(unknowns);
-        let region =
-            TrustRegionOptions { step_tolerance: STEP, max_evaluations: EVALUATIONS, ..TrustRegionOptions::default() };
-        let start = problem.unknowns.start();
-        let end = run(&problem, boundary, weights, &start, None, &region);
+        let end = run(&problem, boundary, weights, &problem.unknowns.start(), None, &Trial::region());
         let before = evaluation.local(weights, &self.noise).omega;
         let Some(local) = &end.local else { return Ok(None) };
         let x = problem.unknowns.unscaled(&end.z);
@@ -114,26 +141,13 @@ impl Problem<'_> {
                 own.map(|own| (0..x.len()).map(|k| own.covariance[(k, k)]).collect())
             }
         };
-        let std = |k: usize| variance.as_ref().map(|v| slopes[k] * v[k].max(0.0).sqrt()).filter(|std| std.is_finite());
-        let parameters: Vec<ReleasedParameter> = (prescribed.iter().zip(fitted..))
-            .map(|(&index, k)| ReleasedParameter {
-                name: law.parameters()[index].name,
-                prescribed: values[index],
-                value: x[k],
-                std: std(k),
-            })
-            .collect();
+        let std = |k: usize| variance.as_ref().map(|v| slopes[k] * v[k].max(0.0).sqrt());
         let fall = (before - local.omega).max(0.0);
         let gain = match weights {
             Weights::Inverse(_) if self.noise.sigma.is_some() => fall,
             // In units of what one number compared leaves of the objective.
             _ => fall / (statistics.expected_omega / self.observation.n_data() as f64).max(f64::MIN_POSITIVE),
         };
-        Ok(Some(Released {
-            limit: limit(prescribed.len()),
-            parameters,
-            gain,
-            converged: end.status == FitStatus::Converged,
-        }))
+        Ok(Some(trial.released(end.status, &x, std, gain)))
     }
 }

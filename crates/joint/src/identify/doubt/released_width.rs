@@ -1,9 +1,6 @@
 //! Do force and displacements want the same parameters? The width of the specimen as one more unknown.
 
-use crate::identify::intervals::constants::{ConstantEffect, ConstantKind};
-use crate::identify::intervals::statistics::NORMAL_95;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::weights::Weights;
+use crate::identify::{ConstantEffect, ConstantKind, Evaluation, NORMAL_95, ObservedInstant, Problem, Weights};
 use crate::linalg::Dense;
 
 /// The width of the specimen as one more unknown: do forces and displacements want the same parameters?
@@ -59,7 +56,7 @@ impl Problem<'_> {
         let Weights::Inverse(_) = weights else { return None };
         let law = self.unknowns.law_at(&evaluation.x).ok()?;
         let model = &self.joint.model;
-        let by_width = |observed: &crate::identify::objective::observation::ObservedInstant| {
+        let by_width = |observed: &ObservedInstant| {
             let u = &evaluation.solution.instants[observed.index].displacement;
             self.observation.column(observed.index, |_, _| 0.0, |cell| cell.reaction(model, &*law, u).value)
         };

@@ -9,18 +9,15 @@ fn unused(key: &str, text: impl Into<String>) -> Remark {
     Remark::new(Code::KeyUnused, About::Key(key.to_owned()), text)
 }
 
-/// Shared constants of a fit of one test.
 pub(crate) fn shared_unused() -> Remark {
     unused("[fit] shared", "[fit] shared is not used: it is for several tests ([[test]])")
 }
 
-/// The uncertainty `key` of a parameter that is fitted.
 pub(crate) fn uncertainty_unused(section: &str, key: &str, parameter: &str) -> Remark {
     let key = format!("[{section}] {key}");
     unused(&key, format!("{key} is not used: {parameter} is fitted")).with("parameter", parameter)
 }
 
-/// A law of a test that gives way to that of all.
 pub(crate) fn law_unused(note: &str) -> Remark {
     unused("[cohesive]", note)
 }
@@ -44,19 +41,16 @@ pub(crate) fn instants_not_compared(missing: Vec<usize>, path: &Path) -> Option<
     (!missing.is_empty()).then(|| Remark::new(Code::InstantsNotCompared, About::Instants(missing), text))
 }
 
-/// `n` nodes of a list are prescribed.
 pub(crate) fn nodes_prescribed(n: usize) -> Remark {
     let text = format!("{n} of the nodes are prescribed and not compared");
     Remark::new(Code::NodesNotCompared, About::Joint, text).with("nodes", n)
 }
 
-/// `n` nodes were lost by a frame.
 pub(crate) fn nodes_lost(n: usize) -> Remark {
     let text = format!("{n} nodes were not measured in every frame and are not compared");
     Remark::new(Code::NodesNotCompared, About::Joint, text).with("nodes", n)
 }
 
-/// The weights of instants are those of converged frames.
 pub(crate) fn weights_shifted(left_out: &[usize]) -> Remark {
     let n = left_out.len();
     let text = format!(
@@ -66,7 +60,6 @@ pub(crate) fn weights_shifted(left_out: &[usize]) -> Remark {
     Remark::new(Code::WeightsShifted, About::Frames(left_out.to_vec()), text).with("frames", n)
 }
 
-/// Of `n` nodes nothing is known for the paper's weights.
 pub(crate) fn nodes_unmeasured(n: usize) -> Remark {
     let text =
         format!("{n} nodes are not measured: the paper's weights are made from the largest displacement of the others");
@@ -80,14 +73,12 @@ pub(crate) fn force_unknown(without: Vec<usize>) -> Option<Remark> {
     (!without.is_empty()).then(|| Remark::new(Code::ForceUnknown, About::Instants(without), text))
 }
 
-/// The store holds no normal matrix.
 pub(crate) fn normal_matrix_missing() -> Remark {
     let text = "the store holds no normal matrix (the run was regularised, or made by an earlier version): the \
                 covariance is that of an even texture without regularisation";
     Remark::new(Code::NormalMatrixMissing, About::Run, text)
 }
 
-/// The noise that was stated for a correlation is `ratio` times as large by its residuals.
 pub(crate) fn noise_contradicted(ratio: f64) -> Remark {
     let text = format!(
         "the noise stated for the correlation is contradicted by its residuals, which say {ratio:.2} times as much: \
@@ -116,7 +107,6 @@ pub(crate) fn reference_later(run: &JointRun, staged: &[usize], n: usize) -> Opt
     )
 }
 
-/// The direction of the force is not turned with a rigid motion of `rotation_rad`.
 pub(crate) fn force_turned(rotation_rad: f64) -> Remark {
     let text = format!(
         "the rigid motion that is subtracted turns by up to {rotation_rad:.2e} rad, and the force's direction is not \
@@ -125,7 +115,6 @@ pub(crate) fn force_turned(rotation_rad: f64) -> Remark {
     Remark::new(Code::ForceTurned, About::Load, text).with("rotation_rad", rotation_rad)
 }
 
-/// The measured load of `group` has the other sign.
 pub(crate) fn force_opposite(group: &str) -> Remark {
     let text = format!(
         "the measured load of {group} has the opposite sign of the computed one: give [force] direction the other way \
@@ -134,7 +123,6 @@ pub(crate) fn force_opposite(group: &str) -> Remark {
     Remark::new(Code::ForceOpposite, About::Load, text).with("group", group)
 }
 
-/// The measured load of `group` is `scale` times the computed one.
 pub(crate) fn force_scaled(group: &str, scale: f64, width_mm: f64) -> Remark {
     let text = format!(
         "the measured load of {group} is {scale:.3} times the computed one in the mean, as if the width were {:.4} mm \
@@ -146,7 +134,6 @@ pub(crate) fn force_scaled(group: &str, scale: f64, width_mm: f64) -> Remark {
     remark.with("scale", scale).with("width_mm", width_mm)
 }
 
-/// Two scales of the images of a test.
 pub(crate) fn scales_differ(test: &str, of_mesh: f64, of_table: f64) -> Remark {
     let text = format!(
         "its mesh was made with {of_mesh} mm per pixel, its [measurement] says {of_table}; one of them is wrong, and \
@@ -160,7 +147,6 @@ fn of_tests(code: Code, [a, b]: [&str; 2], text: String) -> Remark {
     Remark::new(code, About::Tests(vec![a.to_owned(), b.to_owned()]), text)
 }
 
-/// Two tests with the same displacements.
 pub(crate) fn data_twice(tests: [&str; 2]) -> Remark {
     let text = format!(
         "tests \"{}\" and \"{}\" hold the same displacements: one measurement counts twice, and what it tells has an \
@@ -183,7 +169,6 @@ pub(crate) fn thickness_differs(tests: [&str; 2], [x, y]: [f64; 2], other_unit: 
     of_tests(Code::ThicknessDiffers, tests, text).with("first_mm", x).with("second_mm", y)
 }
 
-/// Two moduli of the strips.
 pub(crate) fn stiffness_differs(tests: [&str; 2], [x, y]: [f64; 2]) -> Remark {
     let text = format!(
         "the strips have E = {x} MPa in test \"{}\" and {y} MPa in test \"{}\": a modulus in another unit?",
@@ -192,7 +177,6 @@ pub(crate) fn stiffness_differs(tests: [&str; 2], [x, y]: [f64; 2]) -> Remark {
     of_tests(Code::StiffnessDiffers, tests, text).with("first_MPa", x).with("second_MPa", y)
 }
 
-/// Two uncertainties of one constant.
 pub(crate) fn uncertainties_differ(constant: &str) -> Remark {
     let text = format!("the tests state different uncertainties of {constant}: the larger one is taken for all");
     Remark::new(Code::UncertaintiesDiffer, About::Parameter(constant.to_owned()), text)
@@ -206,7 +190,6 @@ pub(crate) fn rotations_matter(change: &str, largest: f64, held: bool) -> Remark
     Remark::new(Code::RotationsMatter, About::Fit, text).with("largest_std", largest)
 }
 
-/// What finite rotations would change could not be computed.
 pub(crate) fn rotations_unknown() -> Remark {
     let text = "what finite rotations would change could not be computed (no solution with kinematics = \"finite\")";
     Remark::new(Code::RotationsMatter, About::Fit, text)

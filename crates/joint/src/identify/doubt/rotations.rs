@@ -1,13 +1,10 @@
 //! What rotations that are taken as small cost: the model once more with finite ones, at the parameters found.
 
 use crate::identify::doubt::remarks::{rotations_matter, rotations_unknown};
-use crate::identify::objective::load_cell::LoadCell;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::result::fitted::FittedParameter;
+use crate::identify::{Evaluation, FittedParameter, LoadCell, ObservedInstant, Problem};
 use crate::linalg::Dense;
 use crate::mechanics::{BoundaryHistory, ForwardOptions, Kinematics, ModelOptions};
 use crate::remark::Remark;
-use std::cell::Cell;
 
 /// Change by finite rotations, in standard uncertainties, above which the run says so.
 pub const ROTATIONS_TOLD: f64 = 0.1;
@@ -60,15 +57,11 @@ impl Problem<'_> {
         let model = &self.joint.model;
         let options = ModelOptions { kinematics: Kinematics::Finite, ..*model.options() };
         let finite = model.held_alike(model.mesh().clone(), options).ok()?;
-        let (most, steps) = (self.most_steps(&finite, boundary), Cell::new(0_usize));
-        let go_on = |instant: usize| {
-            steps.set(steps.get() + 1);
-            self.watch.at(instant, boundary.instants().len(), || self.named(&evaluation.x));
-            steps.get() <= most && self.watch.ended().is_none()
-        };
-        let solution = finite.forward_while(&*law, boundary, &ForwardOptions::default(), &go_on).ok()?;
+        let ended = || self.watch.ended().is_some();
+        let of_law = (&*law, evaluation.x.as_slice());
+        let solution = self.forward(&finite, of_law, boundary, &ForwardOptions::default(), &ended).ok()?;
         let observation = &self.observation;
-        let difference = |observed: &crate::identify::objective::observation::ObservedInstant| {
+        let difference = |observed: &ObservedInstant| {
             let after = &solution.instants[observed.index];
             let before = &evaluation.solution.instants[observed.index].displacement;
             after.status.converged().then(|| {

@@ -1,12 +1,9 @@
 //! What a fit comes to, in words: determined, not determined, or model rejected (THEORY 11).
 
-use crate::identify::doubt::misfit::{Misfit, as_normal};
-use crate::identify::doubt::missing_mode::MissingMode;
-use crate::identify::doubt::released::Released;
-use crate::identify::doubt::released_width::ReleasedWidth;
-use crate::identify::doubt::rotations::{ROTATIONS_HELD, Rotations};
-use crate::identify::intervals::intervals_::IntervalBasis;
-use crate::identify::result::fitted::{FittedParameter, FittedQuantity};
+use crate::identify::{
+    FittedParameter, FittedQuantity, IntervalBasis, Misfit, MissingMode, ROTATIONS_HELD, Released, ReleasedWidth,
+    Rotations, as_normal,
+};
 use crate::linalg::Dense;
 
 /// Relative standard uncertainty above which a parameter is not determined.
@@ -21,11 +18,12 @@ pub const LARGEST_NOISE_RATIO: f64 = 1.25;
 pub const LARGEST_FAILED: f64 = 0.2;
 
 /// What a fit comes to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Outcome {
     /// Every parameter asked for is known within its interval.
     Determined,
     /// The data leave some parameter open.
+    #[default]
     NotDetermined,
     /// The data contradict the model: its intervals are conditional on a model that is not true.
     Rejected,
@@ -43,7 +41,7 @@ impl Outcome {
 }
 
 /// The verdict on a fit.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Verdict {
     /// What it comes to.
     pub outcome: Outcome,

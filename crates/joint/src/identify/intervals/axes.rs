@@ -1,15 +1,9 @@
 //! How far the parameters can go along each axis of their covariance before the objective objects: what linear theory
 //! has to be replaced by where the data hardly know a parameter.
 
-use crate::identify::FitError;
-use crate::identify::cases::options::FitOptions;
-use crate::identify::intervals::bootstrap::Base;
-use crate::identify::intervals::intervals_::LINEAR_STD;
-use crate::identify::intervals::profile_ends::ProfileEnds;
-use crate::identify::intervals::statistics::{NORMAL_95, Statistics};
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::weights::{InverseCovariance, Weights};
-use crate::identify::solve::stage::no_texture;
+use crate::identify::{
+    Base, Evaluation, FitError, FitOptions, LINEAR_STD, NORMAL_95, Problem, ProfileEnds, Statistics, Weights,
+};
 use crate::io::case::WeightKind;
 use crate::mechanics::BoundaryHistory;
 use crate::mechanics::cohesive::CohesiveLaw;
@@ -141,22 +135,16 @@ impl Axes {
     }
 }
 
-/// The weights under which the objective of a fit is followed from its end on.
-///
-/// # Errors
-/// A covariance without inverse.
+/// The weights under which the objective of a fit is followed from its end on. Errors: a covariance without inverse.
 pub(crate) fn weights_at_end(
     problem: &Problem<'_>,
     statistics: &Statistics,
     options: &FitOptions,
 ) -> Result<Weights, FitError> {
-    Ok(match options.weights {
-        WeightKind::Covariance => {
-            let (n, by_boundary) = (problem.observation.instants.len(), statistics.by_boundary.clone());
-            Weights::Inverse(InverseCovariance::new(&problem.noise, n, by_boundary).map_err(no_texture)?)
-        }
-        kind => problem.diagonal_weights(kind),
-    })
+    match options.weights {
+        WeightKind::Covariance => problem.inverse_covariance(statistics.by_boundary.clone()),
+        kind => Ok(problem.diagonal_weights(kind)),
+    }
 }
 
 /// Names of the work of separation among the parameters of laws, by mode.

@@ -1,13 +1,6 @@
 //! Confidence bands: tractions along the joint, and the law itself. Tables, figures and pages all draw these.
 
-use crate::identify::FitError;
-use crate::identify::intervals::axes::Axes;
-use crate::identify::intervals::constants::ConstantEffect;
-use crate::identify::intervals::statistics::NORMAL_95;
-use crate::identify::intervals::statistics::Statistics;
-use crate::identify::objective::observation::ObservedInstant;
-use crate::identify::objective::problem::Problem;
-use crate::identify::solve::fit::Fit;
+use crate::identify::{Axes, ConstantEffect, Fit, FitError, NORMAL_95, ObservedInstant, Problem, Statistics};
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::{CohesiveLaw, CohesiveResponse, Jump, Traction};
 use rand::SeedableRng;
@@ -31,7 +24,7 @@ pub struct Band {
 }
 
 /// Traction against separation in pure opening and pure sliding.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct CurveBand {
     /// The jumps, mm: in opening `normal`, in sliding `tangential`.
     pub jumps: Vec<Jump>,
@@ -84,19 +77,23 @@ impl Draws {
             noise.iter().enumerate().map(|(k, e)| e + by(k)).collect()
         };
         let scaled: Vec<Vec<f64>> = noise.iter().zip(&constants).map(both).collect();
-        let z = unknowns.scaled(&fit.evaluation.x);
-        let law = |(error, off): (&Vec<f64>, &Vec<f64>)| {
-            let there: Vec<f64> = z.iter().zip(error).map(|(z, e)| z + e).collect();
-            let law = unknowns.law_at(&unknowns.unscaled(&there)).ok()?;
-            let mut values = law.values();
-            for (index, value) in values.iter_mut().enumerate().filter(|(index, _)| !is_fitted(problem, *index)) {
-                *value += off.iter().zip(&fit.constants).map(|(off, effect)| off * effect.law[index]).sum::<f64>();
-            }
-            law.with_values(&values).ok()
-        };
+        let law = |(error, off): (&Vec<f64>, &Vec<f64>)| law_off(problem, fit, error, off, 1.0);
         let laws = scaled.iter().zip(&constants).map(law).collect::<Option<_>>()?;
         Some(Self { noise, constants, scaled, laws, more })
     }
+}
+
+/// The law of `fit` off by a `share` of `error` of the scaled unknowns and of `off` standard uncertainties of each
+/// constant; `None` where there is none.
+fn law_off(problem: &Problem<'_>, fit: &Fit, error: &[f64], off: &[f64], share: f64) -> Option<Box<dyn CohesiveLaw>> {
+    let unknowns = &problem.unknowns;
+    let there: Vec<f64> = unknowns.scaled(&fit.evaluation.x).iter().zip(error).map(|(z, e)| z + share * e).collect();
+    let law = unknowns.law_at(&unknowns.unscaled(&there)).ok()?;
+    let mut values = law.values();
+    for (index, value) in values.iter_mut().enumerate().filter(|(index, _)| !is_fitted(problem, *index)) {
+        *value += share * off.iter().zip(&fit.constants).map(|(off, effect)| off * effect.law[index]).sum::<f64>();
+    }
+    law.with_values(&values).ok()
 }
 
 /// Draws along the axes of the likelihood: more than where first order takes part, since their quantiles stand for
@@ -110,13 +107,11 @@ const FAR: f64 = 3.0;
 /// Laws that noise and constants make of that of `fit`: what noise does follows `axes`, constants go to first order. A
 /// draw that is no law is drawn again, and after some trials drawn back to where it is one.
 fn laws_along(problem: &Problem<'_>, fit: &Fit, axes: &Axes) -> Vec<Box<dyn CohesiveLaw>> {
-    let unknowns = &problem.unknowns;
-    let z = unknowns.scaled(&fit.evaluation.x);
     let mut random = ChaCha8Rng::seed_from_u64(SEED);
     let mut draw = || -> f64 { StandardNormal.sample(&mut random) };
     let level = noise_factor(fit).sqrt();
     let mut trial = |last: bool| {
-        let t: Vec<f64> = (0..z.len()).map(|_| level * draw()).collect();
+        let t: Vec<f64> = (0..problem.unknowns.n()).map(|_| level * draw()).collect();
         let off: Vec<f64> = fit.constants.iter().map(|_| draw()).collect();
         let mut error = axes.at(&t);
         for (off, effect) in off.iter().zip(&fit.constants) {
@@ -124,30 +119,25 @@ fn laws_along(problem: &Problem<'_>, fit: &Fit, axes: &Axes) -> Vec<Box<dyn Cohe
         }
         let longest = error.iter().fold(FAR, |most, e| most.max(e.abs()));
         error.iter_mut().for_each(|e| *e *= FAR / longest);
-        let at = |share: f64| {
-            let there: Vec<f64> = z.iter().zip(&error).map(|(z, e)| z + share * e).collect();
-            let law = unknowns.law_at(&unknowns.unscaled(&there)).ok()?;
-            let mut values = law.values();
-            for (index, value) in values.iter_mut().enumerate().filter(|(index, _)| !is_fitted(problem, *index)) {
-                *value +=
-                    share * off.iter().zip(&fit.constants).map(|(off, effect)| off * effect.law[index]).sum::<f64>();
-            }
-            law.with_values(&values).ok()
-        };
-        (0..if last { 8 } else { 1 }).find_map(|k| at(0.8_f64.powi(k)))
+        (0..if last { 8 } else { 1 }).find_map(|k| law_off(problem, fit, &error, &off, 0.8_f64.powi(k)))
     };
     let one = |_| (1..=TRIALS).find_map(|k| trial(k == TRIALS));
     (0..ALONG_AXES).filter_map(one).collect()
 }
 
+/// How far the middle 95 % of sorted `errors` reach below and above: the means of three neighbours about the 2.5th and
+/// the 97.5th percentile, of which there are `at` beyond.
+fn reach_of_middle(errors: &[f64], at: usize) -> [f64; 2] {
+    let n = errors.len();
+    let low = -errors[at - 1..=at + 1].iter().sum::<f64>() / 3.0;
+    [low, errors[n - at - 2..=n - at].iter().sum::<f64>() / 3.0]
+}
+
 /// How far the middle 95 % of `errors` reach below and above, and their standard deviation about zero.
 fn spread(errors: &mut [f64]) -> ([f64; 2], f64) {
     errors.sort_by(f64::total_cmp);
-    let n = errors.len();
-    let at = (n / 40).max(1);
-    let low = -errors[at - 1..=at + 1].iter().sum::<f64>() / 3.0;
-    let high = errors[n - at - 2..=n - at].iter().sum::<f64>() / 3.0;
-    ([low.max(0.0), high.max(0.0)], (errors.iter().map(|e| e * e).sum::<f64>() / n as f64).sqrt())
+    let sides = reach_of_middle(errors, (errors.len() / 40).max(1)).map(|side| side.max(0.0));
+    (sides, (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt())
 }
 
 /// Whether parameter `index` of the law is an unknown.
@@ -163,19 +153,13 @@ fn reach(std: f64, errors: &mut [f64], linear: &mut [f64]) -> [f64; 2] {
     errors.sort_by(f64::total_cmp);
     linear.sort_by(f64::total_cmp);
     let n = errors.len();
-    // The mean of three neighbours about the 2.5th percentile.
     let at = n / 40;
     if at == 0 || !(errors[0].is_finite() && errors[n - 1].is_finite()) {
         return [half; 2];
     }
-    let low = |list: &[f64]| -list[at - 1..=at + 1].iter().sum::<f64>() / 3.0;
-    let high = |list: &[f64]| list[n - at - 2..=n - at].iter().sum::<f64>() / 3.0;
-    let side = |of: &dyn Fn(&[f64]) -> f64| match of(linear) {
-        // Never less than the first order: the errors of the jumps beyond it are not among the draws.
-        first_order if first_order > 0.0 => half * (of(errors) / first_order).max(1.0),
-        _ => half,
-    };
-    [side(&low), side(&high)]
+    let (all, first_order) = (reach_of_middle(errors, at), reach_of_middle(linear, at));
+    // Never less than the first order: the errors of the jumps beyond it are not among the draws.
+    [0, 1].map(|side| if first_order[side] > 0.0 { half * (all[side] / first_order[side]).max(1.0) } else { half })
 }
 
 /// By how much the variance of the noise grows since its level is not known exactly.
@@ -269,14 +253,9 @@ type ErrorLists = [Vec<f64>; 4];
 impl Uncertain<'_> {
     /// Makes the band at an instant whose pairs have these `jumps`.
     fn band(&self, at: &AtInstant<'_>, jumps: &[Jump]) -> Band {
-        let n_pairs = jumps.len();
-        let mut band = Band {
-            instant: at.observed.index + 1,
-            traction: jumps.iter().map(|&jump| self.law.response(jump).traction).collect(),
-            std: Vec::with_capacity(n_pairs),
-            low: Vec::with_capacity(n_pairs),
-            high: Vec::with_capacity(n_pairs),
-        };
+        let traction = jumps.iter().map(|&jump| self.law.response(jump).traction).collect();
+        let (std, low, high) = (Vec::new(), Vec::new(), Vec::new());
+        let mut band = Band { instant: at.observed.index + 1, traction, std, low, high };
         let mut lists = [(); 4].map(|()| Vec::with_capacity(DRAWS));
         for (pair, &jump) in jumps.iter().enumerate() {
             let of_pair = self.linearise(at, pair, jump);
@@ -530,13 +509,7 @@ pub(crate) fn curve_bands_up_to(
     let band = |largest: f64, normal: bool| {
         let pick = |t: Traction| if normal { t.normal } else { t.tangential };
         let n = 101;
-        let mut band = CurveBand {
-            jumps: Vec::with_capacity(n),
-            traction: Vec::with_capacity(n),
-            std: Vec::with_capacity(n),
-            low: Vec::with_capacity(n),
-            high: Vec::with_capacity(n),
-        };
+        let mut band = CurveBand::default();
         for k in 0..n {
             let s = largest * k as f64 / (n - 1) as f64;
             let jump = if normal { Jump { normal: s, tangential: 0.0 } } else { Jump { normal: 0.0, tangential: s } };

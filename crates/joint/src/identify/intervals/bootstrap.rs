@@ -2,15 +2,12 @@
 //! included. It finds the bias that noise makes through a kink of the law or through plasticity, which no linear theory
 //! sees.
 
-use crate::identify::intervals::statistics::Statistics;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::weights::Weights;
+use crate::identify::cases::case::prescribed_of;
 use crate::identify::solve::stage::run;
-use crate::identify::solve::trust_region::{FitStatus, TrustRegionOptions};
+use crate::identify::{Evaluation, FitStatus, Problem, Statistics, TrustRegionOptions, Weights};
 use crate::linalg::Dense;
 use crate::mechanics::BoundaryHistory;
 use rayon::prelude::*;
-use std::collections::HashMap;
 use std::sync::Arc;
 
 /// The seed of the first pair of draws; those of the others follow.
@@ -162,15 +159,12 @@ impl Base<'_> {
         let boundary = if observation.prescribed.is_empty() {
             self.boundary.clone()
         } else {
-            let nodes = self.boundary.nodes().iter().enumerate();
-            let place: HashMap<u32, usize> = nodes.map(|(k, &node)| (node, k)).collect();
-            let places: Vec<usize> =
-                joint.measured.prescribed.iter().map(|node| place.get(node).copied()).collect::<Option<_>>()?;
-            let moved = |(values, e): (&Vec<[f64; 2]>, &Vec<f64>)| {
-                let moved_node = |(&at, &row): (&usize, &usize)| [0, 1].map(|c| values[at][c] + sign * e[2 * row + c]);
-                places.iter().zip(&observation.prescribed).map(moved_node).collect()
+            let moved = |(values, e): (Vec<[f64; 2]>, &Vec<f64>)| {
+                let moved_node = |(u, &row): (&[f64; 2], &usize)| [0, 1].map(|c| u[c] + sign * e[2 * row + c]);
+                values.iter().zip(&observation.prescribed).map(moved_node).collect()
             };
-            joint.measured.boundary(self.boundary.instants().iter().zip(noise).map(moved).collect()).ok()?
+            let values = prescribed_of(joint, &self.boundary);
+            joint.measured.boundary(values.into_iter().zip(noise).map(moved).collect()).ok()?
         };
         let unknowns = unknowns.starting_at(&self.evaluation.x).ok()?;
         let (observation, noise, watch) = (Arc::new(data), Arc::clone(known), watch.clone());

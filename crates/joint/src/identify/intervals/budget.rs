@@ -1,9 +1,8 @@
 //! The error budget: what each source of uncertainty adds to each parameter (THEORY 11).
 
-use crate::identify::intervals::constants::{Constant, ConstantEffect, ConstantKind, Source};
-use crate::identify::intervals::statistics::{NORMAL_95, Statistics};
-use crate::identify::objective::problem::Problem;
-use crate::identify::result::derived::{Derived, derived};
+use crate::identify::{
+    Constant, ConstantEffect, ConstantKind, Derived, NORMAL_95, Problem, Source, Statistics, derived,
+};
 use crate::io::case::Discretisation;
 use crate::linalg::Dense;
 

@@ -4,10 +4,7 @@
 //! the change of the internal forces when the constant moves, solved for the free nodes. No further forward run is
 //! needed.
 
-use crate::identify::intervals::statistics::Statistics;
-use crate::identify::objective::load_cell::LoadCell;
-use crate::identify::objective::observation::ObservedInstant;
-use crate::identify::objective::problem::{Evaluation, Problem};
+use crate::identify::{Evaluation, LoadCell, ObservedInstant, Problem, Statistics};
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump};
 use crate::mechanics::{Instant, JointMesh, JointParts, Kinematics, Linearised, Model, NodalField, ReactionAt};
@@ -356,19 +353,26 @@ impl Problem<'_> {
                 scaled[k] += std * power_of_length(unknown.parameter.unit) * evaluation.x[k] / slopes[k];
             }
         }
-        let mut law = vec![0.0; self.unknowns.law().parameters().len()];
-        if let ConstantKind::Law { index } = constant.kind {
-            law[index] = std;
-        }
-        for (k, unknown) in self.unknowns.list().iter().enumerate() {
-            law[unknown.index] = slopes[k] * scaled[k];
-        }
         if scaled.iter().any(|z| !z.is_finite()) {
             return None;
         }
         let times = |jump: &Jump| Jump { normal: std * jump.normal, tangential: std * jump.tangential };
         let jumps = changes.iter().map(|change| change.jumps.iter().map(times).collect()).collect();
+        let law = self.law_change(constant, &evaluation.x, &scaled);
         Some(ConstantEffect { constant: constant.clone(), scaled, law, jumps, rows })
+    }
+
+    /// Change of each parameter of the law for the change `scaled` of the unknowns at `x` and one of `constant`, where
+    /// that is one of them.
+    pub(crate) fn law_change(&self, constant: &Constant, x: &[f64], scaled: &[f64]) -> Vec<f64> {
+        let mut law = vec![0.0; self.unknowns.law().parameters().len()];
+        if let ConstantKind::Law { index } = constant.kind {
+            law[index] = constant.std;
+        }
+        for ((unknown, slope), z) in self.unknowns.list().iter().zip(self.unknowns.slopes(x)).zip(scaled) {
+            law[unknown.index] = slope * z;
+        }
+        law
     }
 
     /// Whether a constant is among the unknowns.
@@ -427,8 +431,7 @@ fn move_constant(model: &Model, kind: &ConstantKind) -> Option<Moved> {
 fn normals(mesh: &JointMesh, face: Face) -> BTreeMap<u32, [f64; 2]> {
     let mut sums: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
     for &[l1, l2, u1, u2] in mesh.interfaces() {
-        let at = |node: u32| mesh.nodes()[node as usize];
-        let t = [0, 1].map(|c| at(l2)[c] + at(u2)[c] - at(l1)[c] - at(u1)[c]);
+        let t = mesh.twice_along([l1, l2, u1, u2]);
         let ends = match face {
             Face::Lower => [l1, l2],
             Face::Upper => [u1, u2],

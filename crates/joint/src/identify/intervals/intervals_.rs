@@ -1,11 +1,9 @@
 //! The 95 % intervals: whether linear theory is good enough for them, and what they are made of (THEORY 7, 11).
 
-use crate::identify::intervals::bootstrap::{Base, Bootstrap};
-use crate::identify::intervals::budget::{Budget, Parts, interval95};
-use crate::identify::intervals::profile_ends::ProfileEnds;
-use crate::identify::intervals::statistics::NORMAL_95;
-use crate::identify::result::derived::derived;
-use crate::identify::result::fitted::{FittedParameter, FittedQuantity};
+use crate::identify::{
+    Base, Bootstrap, Budget, Derived, FittedParameter, FittedQuantity, NORMAL_95, Parts, ProfileEnds, derived,
+    interval95,
+};
 use crate::io::case::Intervals;
 
 /// Which intervals a fit has.
@@ -134,7 +132,7 @@ pub(crate) fn settle(
     let names: Vec<&str> = parameters.iter().map(|p| p.parameter.name).collect();
     let mut basis = IntervalBasis::linear();
     let mut of = Settled { base, budget, parameters, quantities, slopes };
-    of.set_linear();
+    of.set_linear(None);
     let silent =
         relative.iter().all(|std| *std < NOTHING) || scaled_std.iter().any(|std| *std <= 0.0 || !std.is_finite());
     if wanted == Intervals::Linear || silent {
@@ -155,7 +153,7 @@ pub(crate) fn settle(
     if wanted == Intervals::Auto && !basis.linearity.in_doubt() {
         let Some([even, _]) = &basis.linearity.probe else { return basis };
         let bias: Vec<f64> = even.iter().zip(&scaled_std).map(|(share, std)| share * std).collect();
-        of.extend_by_bias(&bias);
+        of.set_linear(Some(&bias));
         basis.bias = Some(bias);
         return basis;
     }
@@ -176,29 +174,18 @@ fn linear(value: f64, bias: f64, parts: Parts) -> [Option<f64>; 2] {
 }
 
 impl Settled<'_> {
-    /// Sets the intervals of linear theory, without bias.
-    fn set_linear(&mut self) {
+    /// Sets the intervals of linear theory, extended by this bias of the scaled unknowns, if any.
+    fn set_linear(&mut self, bias: Option<&[f64]>) {
         for (k, p) in self.parameters.iter_mut().enumerate() {
-            (p.bias, p.bias_std, p.std_bootstrap) = (None, None, None);
-            p.set_ends(linear(p.value, 0.0, self.budget.parameter(k)));
+            (p.bias_std, p.std_bootstrap) = (None, None);
+            p.bias = bias.map(|bias| self.slopes[k] * bias[k]);
+            p.set_ends(linear(p.value, p.bias.unwrap_or(0.0), self.budget.parameter(k)));
         }
+        let by_scaled = bias.map_or(Vec::new(), |_| by_scaled(self.base));
         for (k, q) in self.quantities.iter_mut().enumerate() {
-            q.bias = None;
-            q.set_ends(linear(q.quantity.value, 0.0, self.budget.quantity(k)));
-        }
-    }
-
-    /// Extends the intervals of linear theory by this bias of the scaled unknowns.
-    fn extend_by_bias(&mut self, bias: &[f64]) {
-        for (k, p) in self.parameters.iter_mut().enumerate() {
-            let shift = self.slopes[k] * bias[k];
-            p.bias = Some(shift);
-            p.set_ends(linear(p.value, shift, self.budget.parameter(k)));
-        }
-        for (k, (q, by_scaled)) in self.quantities.iter_mut().zip(by_scaled(self.base)).enumerate() {
-            let shift: f64 = by_scaled.iter().zip(bias).map(|(slope, bias)| slope * bias).sum();
-            q.bias = Some(shift);
-            q.set_ends(linear(q.quantity.value, shift, self.budget.quantity(k)));
+            let slopes = by_scaled.get(k).zip(bias);
+            q.bias = slopes.map(|(slopes, bias)| slopes.iter().zip(bias).map(|(slope, bias)| slope * bias).sum());
+            q.set_ends(linear(q.quantity.value, q.bias.unwrap_or(0.0), self.budget.quantity(k)));
         }
     }
 
@@ -267,12 +254,8 @@ fn by_scaled(base: &Base<'_>) -> Vec<Vec<f64>> {
     const H: f64 = 1e-5;
     let sides: Vec<_> = (0..z.len()).map(|k| (at(k, H), at(k, -H))).collect();
     let n = sides.first().map_or(0, |(more, _)| more.len());
-    let slope = |q: usize, (more, less): &(Vec<crate::identify::Derived>, Vec<crate::identify::Derived>)| match (
-        more.get(q),
-        less.get(q),
-    ) {
-        (Some(more), Some(less)) => (more.value - less.value) / (2.0 * H),
-        _ => 0.0,
+    let slope = |q: usize, (more, less): &(Vec<Derived>, Vec<Derived>)| {
+        more.get(q).zip(less.get(q)).map_or(0.0, |(more, less)| (more.value - less.value) / (2.0 * H))
     };
     (0..n).map(|q| sides.iter().map(|side| slope(q, side)).collect()).collect()
 }

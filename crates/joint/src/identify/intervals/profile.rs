@@ -1,10 +1,6 @@
 //! The profile likelihood of one parameter: the objective with it prescribed and the others fitted.
 
-use crate::identify::cases::error::{FitError, wrong};
-use crate::identify::cases::options::FitOptions;
-use crate::identify::intervals::statistics::NORMAL_95;
-use crate::identify::objective::problem::Problem;
-use crate::identify::solve::fit::{Fit, fit};
+use crate::identify::{Fit, FitError, FitOptions, NORMAL_95, Problem, fit, wrong};
 use crate::io::case::{Discretisation, Intervals};
 use rayon::prelude::*;
 

@@ -1,8 +1,6 @@
 //! The ends of intervals of the profile likelihood, without the profile.
 
-use crate::identify::intervals::bootstrap::Base;
-use crate::identify::intervals::statistics::NORMAL_95;
-use crate::identify::solve::trust_region::Local;
+use crate::identify::{Base, Local, NORMAL_95};
 use crate::linalg::Dense;
 use rayon::prelude::*;
 

@@ -1,8 +1,6 @@
 //! What the noise of the measurement does to the parameters (THEORY 7 and 9).
 
-use crate::identify::FitError;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::weights::Weights;
+use crate::identify::{Evaluation, FitError, Problem, Weights};
 use crate::linalg::Dense;
 use rayon::prelude::*;
 
@@ -57,12 +55,11 @@ impl Statistics {
             let (sigma, sigma_estimated) = (sigma2.sqrt(), unknown);
             return Ok(Some(Self { a, v, by_boundary, covariance, sigma, sigma_estimated, expected_omega }));
         };
-        let covariance = a.times(&spread).times(&a);
+        let mut covariance = a.times(&spread).times(&a);
         let taken: f64 =
             (0..a.n_rows()).map(|k| (0..a.n_rows()).map(|j| a[(k, j)] * spread[(j, k)]).sum::<f64>()).sum();
         let left = (unit - taken).max(f64::MIN_POSITIVE);
         let sigma2 = noise.sigma.map_or(local.omega / left, |sigma| sigma * sigma);
-        let mut covariance = covariance;
         scale(&mut covariance, sigma2);
         Ok(Some(Self {
             a,
@@ -73,6 +70,14 @@ impl Statistics {
             sigma_estimated: noise.sigma.is_none(),
             expected_omega: sigma2 * left,
         }))
+    }
+
+    /// How the scaled estimate moves when the computed displacements of the rows change by `moved`, a column for each
+    /// instant: `-A sum_i v_i^T U_i`.
+    pub fn shift(&self, moved: &[Dense]) -> Vec<f64> {
+        let mut sum = Dense::zeros(self.a.n_rows(), 1);
+        self.v.iter().zip(moved).for_each(|(v, moved)| sum.add(-1.0, &v.transposed_times(moved)));
+        self.a.times(&sum).column(0).to_vec()
     }
 }
 
@@ -88,10 +93,7 @@ pub(crate) struct Led {
 }
 
 impl Led {
-    /// That of `evaluation` under `weights`.
-    ///
-    /// # Errors
-    /// A tangent without inverse.
+    /// That of `evaluation` under `weights`. Errors: a tangent without inverse.
     pub(crate) fn new(problem: &Problem<'_>, evaluation: &Evaluation, weights: &Weights) -> Result<Self, FitError> {
         let (noise, observation) = (&problem.noise, &problem.observation);
         let by_boundary = problem.by_boundary(evaluation)?;
@@ -114,17 +116,8 @@ impl Led {
     }
 }
 
-impl Statistics {
-    /// How the scaled estimate moves when the computed displacements of the rows change by `moved`, a column for each
-    /// instant: `-A sum_i v_i^T U_i`.
-    pub fn shift(&self, moved: &[Dense]) -> Vec<f64> {
-        let mut sum = Dense::zeros(self.a.n_rows(), 1);
-        self.v.iter().zip(moved).for_each(|(v, moved)| sum.add(-1.0, &v.transposed_times(moved)));
-        self.a.times(&sum).column(0).to_vec()
-    }
-}
-
-fn scale(matrix: &mut Dense, factor: f64) {
+/// Multiplies all entries.
+pub(crate) fn scale(matrix: &mut Dense, factor: f64) {
     for k in 0..matrix.n_columns() {
         matrix.column_mut(k).iter_mut().for_each(|v| *v *= factor);
     }

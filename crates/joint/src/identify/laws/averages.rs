@@ -1,8 +1,7 @@
 //! Averages over several laws, each with its weight: what is left of the choice of the law is part of the uncertainty
 //! (Burnham and Anderson 2002, section 4.3).
 
-use crate::identify::intervals::bands::CurveBand;
-use crate::identify::intervals::statistics::NORMAL_95;
+use crate::identify::{CurveBand, NORMAL_95};
 
 /// 99 % quantile of a standard normal variable, one-sided.
 const NORMAL_99: f64 = 2.326;
@@ -71,10 +70,8 @@ pub fn average(parts: &[Part<Spread>]) -> Spread {
 /// The average of curves over the same jumps.
 pub fn average_curve(parts: &[Part<&CurveBand>]) -> CurveBand {
     let jumps = parts.first().map_or(Vec::new(), |part| part.of.jumps.clone());
-    let n = jumps.len();
-    let list = || Vec::with_capacity(n);
-    let mut curve = CurveBand { jumps, traction: list(), std: list(), low: list(), high: list() };
-    for k in 0..n {
+    let mut curve = CurveBand { jumps, ..CurveBand::default() };
+    for k in 0..curve.jumps.len() {
         let at = |&Part { weight, share, of }: &Part<&CurveBand>| {
             let ends95 = [Some(of.low[k]), Some(of.high[k])];
             Part { weight, share, of: Spread { value: of.traction[k], std: Some(of.std[k]), ends95 } }

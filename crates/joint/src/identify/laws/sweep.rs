@@ -1,10 +1,6 @@
 //! One parameter prescribed at several values, the others fitted: the paper's Table 2.
 
-use crate::identify::FitError;
-use crate::identify::cases::options::FitOptions;
-use crate::identify::intervals::constants::ConstantKind;
-use crate::identify::objective::problem::Problem;
-use crate::identify::solve::fit::{Fit, fit};
+use crate::identify::{ConstantKind, Fit, FitError, FitOptions, Problem, fit};
 use crate::io::case::Intervals;
 use rayon::prelude::*;
 

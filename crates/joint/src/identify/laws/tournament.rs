@@ -4,22 +4,16 @@
 //! `omega + p ln n` (Schwarz), and by the residual of instants that were left out. What is asked for is averaged over
 //! the laws that the data do not reject, with Akaike's weights.
 
-use crate::identify::cases::error::{FitError, wrong};
-use crate::identify::cases::options::FitOptions;
-use crate::identify::doubt::left_out::LeftOut;
+use crate::identify::cases::error::check_amount;
 use crate::identify::doubt::remarks::own_minima;
-use crate::identify::intervals::axes::{Axes, WORKS, weights_at_end};
-use crate::identify::intervals::bands::{CurveBand, curve_bands_up_to, reach_of};
-use crate::identify::intervals::budget::interval95;
-use crate::identify::intervals::constants::{Constant, ConstantKind};
-use crate::identify::intervals::statistics::NORMAL_95;
-use crate::identify::laws::averages::{Part, Spread, average, average_curve, share_of_interval, within_noise};
-use crate::identify::objective::problem::Problem;
-use crate::identify::objective::unknowns::Unknowns;
-use crate::identify::solve::far_starts::other_minima;
-use crate::identify::solve::fit::{Fit, fit};
+use crate::identify::intervals::axes::{WORKS, weights_at_end};
+use crate::identify::intervals::bands::{curve_bands_up_to, reach_of};
 use crate::identify::solve::law_starts::start_law;
-use crate::identify::solve::trust_region::{FitStatus, TrustRegionOptions};
+use crate::identify::{
+    Axes, Constant, ConstantKind, CurveBand, Fit, FitError, FitOptions, FitStatus, LeftOut, NORMAL_95, Part, Problem,
+    Spread, TrustRegionOptions, Unknowns, average, average_curve, fit, interval95, other_minima, share_of_interval,
+    within_noise, wrong,
+};
 use crate::io::case::{Intervals, WeightKind};
 use crate::mechanics::cohesive::{CohesiveLaw, LAW_NAMES, Parameter, parameters_by_name};
 use rayon::prelude::*;
@@ -170,6 +164,11 @@ impl LawFit<'_> {
     fn counts(&self) -> bool {
         self.above(0.0).is_some() && self.curves.is_some()
     }
+
+    /// Whether it predicts the left-out instants better than `other`, by more than laws that are alike differ.
+    fn predicts_better_than(&self, other: &LawFit<'_>) -> bool {
+        self.left_out.zip(other.left_out).is_some_and(|(own, others)| own.omega + BETTER < others.omega)
+    }
 }
 
 /// The laws of a tournament, checked: names that there are, each once, two or more.
@@ -195,9 +194,7 @@ pub fn laws_of(names: &[String]) -> Result<Vec<&str>, FitError> {
 }
 
 /// The laws that [`laws_of`] gives, each of which can be started from `own`, the law of the case, and has enough data.
-///
-/// # Errors
-/// What [`laws_of`] refuses; a law that cannot be started; fewer data than parameters.
+/// Errors: what [`laws_of`] refuses; a law that cannot be started; fewer data than parameters.
 pub(crate) fn check_laws<'n>(
     names: &'n [String],
     own: &dyn CohesiveLaw,
@@ -205,10 +202,7 @@ pub(crate) fn check_laws<'n>(
 ) -> Result<Vec<&'n str>, FitError> {
     let names = laws_of(names)?;
     for name in names.iter().filter(|name| **name != own.name()) {
-        let n_parameters = start_law(name, own)?.n();
-        if n_data < n_parameters {
-            return Err(FitError::FewData { n_data, n_parameters });
-        }
+        check_amount(n_data, start_law(name, own)?.n())?;
     }
     Ok(names)
 }
@@ -241,10 +235,7 @@ pub fn tournament<'a>(
     let others: Vec<&str> = names.iter().copied().filter(|name| *name != own_law.name()).collect();
     let mut fitted: Vec<(Unknowns, String, Result<Fit, FitError>)> = others
         .par_iter()
-        .map(|name| {
-            let (unknowns, start, fit) = fit_of(problem, options, name, [&*like, own_law])?;
-            Ok((unknowns, start, fit))
-        })
+        .map(|name| fit_of(problem, options, name, [&*like, own_law]))
         .collect::<Result<_, FitError>>()?;
     if let (Some(place), Some(first)) = (own, first) {
         fitted.insert(place, (same(&problem.unknowns)?, "as the case says".to_owned(), first));
@@ -381,13 +372,8 @@ fn fit_of(
 }
 
 fn in_words(error: FitError) -> String {
-    let mut text = error.to_string();
-    let mut cause = std::error::Error::source(&error);
-    while let Some(error) = cause {
-        text = format!("{text}: {error}");
-        cause = error.source();
-    }
-    text
+    let causes = std::iter::successors(std::error::Error::source(&error), |error| error.source());
+    causes.fold(error.to_string(), |text, cause| format!("{text}: {cause}"))
 }
 
 /// What a fit is compared by.
@@ -414,18 +400,12 @@ fn score(problem: &Problem<'_>, fit: &Fit, options: &FitOptions) -> Option<Score
 fn works_of(parameters: &[Parameter], fit: &Fit) -> [Spread; 2] {
     let [opening, sliding] = WORKS;
     let parameter = |names: &[&str]| {
-        fit.parameters.iter().find(|p| names.contains(&p.parameter.name)).map(|p| Spread {
-            value: p.value,
-            std: p.std,
-            ends95: p.ends95,
-        })
+        let p = fit.parameters.iter().find(|p| names.contains(&p.parameter.name))?;
+        Some(Spread { value: p.value, std: p.std, ends95: p.ends95 })
     };
     let follows = || {
-        fit.derived.iter().find(|d| d.quantity.name == "phi_t").map(|d| Spread {
-            value: d.quantity.value,
-            std: d.std,
-            ends95: d.ends95,
-        })
+        let d = fit.derived.iter().find(|d| d.quantity.name == "phi_t")?;
+        Some(Spread { value: d.quantity.value, std: d.std, ends95: d.ends95 })
     };
     // A work that the case prescribes is exact here: its uncertainty is among the constants.
     let law = |names: &[&str]| {
@@ -462,11 +442,8 @@ fn weigh(laws: &mut [LawFit<'_>], best: Option<usize>) -> Vec<usize> {
     laws.iter_mut().zip(&likelihoods).for_each(|(law, likelihood)| law.weight = likelihood / sum);
     let lowest_aic = laws[best].score;
     let alike = |law: &LawFit<'_>| {
-        let both = law.score.filter(|_| law.counts()).zip(lowest_aic);
-        both.is_some_and(|(score, best)| {
-            let (above, within) = score.above(best);
-            above <= within
-        })
+        let above = law.score.filter(|_| law.counts()).zip(lowest_aic).map(|(score, best)| score.above(best));
+        above.is_some_and(|(above, within)| above <= within)
     };
     (0..laws.len()).filter(|&k| alike(&laws[k])).collect()
 }
@@ -474,17 +451,15 @@ fn weigh(laws: &mut [LawFit<'_>], best: Option<usize>) -> Vec<usize> {
 fn average_of(laws: &[LawFit<'_>], best: Option<usize>) -> Option<Average> {
     let places: Vec<usize> = (0..laws.len()).filter(|&k| laws[k].weight > 0.0).collect();
     let best = laws[best.filter(|_| !places.is_empty())?].score?;
-    let share = |k: usize| laws[k].score.map_or(0.0, |score| score.share_of_interval(best));
+    fn part_of<T>(law: &LawFit<'_>, best: Score, of: T) -> Part<T> {
+        let share = law.score.map_or(0.0, |score| score.share_of_interval(best));
+        Part { weight: law.weight, share, of }
+    }
     let mode = |mode: usize| {
-        let curves: Vec<Part<&CurveBand>> = (places.iter())
-            .filter_map(|&k| {
-                Some(Part { weight: laws[k].weight, share: share(k), of: &laws[k].curves.as_ref()?[mode] })
-            })
-            .collect();
-        let works: Vec<Part<Spread>> = (places.iter())
-            .filter_map(|&k| Some(Part { weight: laws[k].weight, share: share(k), of: laws[k].works.as_ref()?[mode] }))
-            .collect();
-        (average_curve(&curves), average(&works))
+        let curve = |&k: &usize| Some(part_of(&laws[k], best, &laws[k].curves.as_ref()?[mode]));
+        let work = |&k: &usize| Some(part_of(&laws[k], best, laws[k].works.as_ref()?[mode]));
+        let curves: Vec<Part<&CurveBand>> = places.iter().filter_map(curve).collect();
+        (average_curve(&curves), average(&places.iter().filter_map(work).collect::<Vec<_>>()))
     };
     let ((opening, work_n), (sliding, work_t)) = (mode(0), mode(1));
     Some(Average { curves: [opening, sliding], works: [work_n, work_t] })
@@ -566,15 +541,5 @@ impl Tournament<'_> {
             );
         }
         said
-    }
-}
-
-impl LawFit<'_> {
-    /// Whether it predicts the left-out instants better than `other`, by more than laws that are alike differ.
-    fn predicts_better_than(&self, other: &LawFit<'_>) -> bool {
-        match (&self.left_out, &other.left_out) {
-            (Some(own), Some(others)) => own.omega + BETTER < others.omega,
-            _ => false,
-        }
     }
 }

@@ -1,14 +1,12 @@
 //! Prescribed displacements as unknowns beside the parameters, with their covariance (THEORY 7): it removes the bias
 //! that noise of the boundary makes through plasticity.
 
-use crate::identify::FitError;
-use crate::identify::cases::options::FitOptions;
-use crate::identify::objective::noise::Noise;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::weights::{InverseCovariance, Weights};
-use crate::identify::solve::cone_step::{StepRegion, cone_step, room};
-use crate::identify::solve::stage::{Stage, at, full_weights, no_texture};
-use crate::identify::solve::trust_region::{FitStatus, Iteration};
+use crate::identify::cases::case::prescribed_of;
+use crate::identify::solve::stage::at;
+use crate::identify::{
+    Evaluation, FitError, FitOptions, FitStatus, Iteration, Noise, Problem, Stage, StepRegion, Weights, cone_step,
+    full_weights, room,
+};
 use crate::linalg::Dense;
 use crate::mechanics::BoundaryHistory;
 
@@ -68,11 +66,10 @@ pub(crate) fn estimate_boundary(
     options: &FitOptions,
 ) -> Result<Estimated, FitError> {
     let n_instants = problem.observation.instants.len();
-    let whole = InverseCovariance::new(&problem.noise, n_instants, Vec::new()).map_err(no_texture)?;
     let search = Search {
         problem,
-        given: problem.prescribed_as_measured(),
-        whole: Weights::Inverse(whole),
+        given: prescribed_of(problem.joint, &problem.joint.boundary),
+        whole: problem.inverse_covariance(Vec::new())?,
         bounds: problem.unknowns.scaled_bounds(),
         number: stage.next_number(),
     };

@@ -1,12 +1,13 @@
 //! The load cell: the force on a group of nodes beside the displacements, in the objective or held against the
 //! prediction (THEORY 15).
 
-use crate::identify::cases::error::{FitError, wrong};
+use crate::identify::cases::error::{positive, refuse_if};
 use crate::identify::doubt::remarks;
+use crate::identify::{FitError, wrong};
 use crate::io::case::{CaseDirection, CaseForce};
 use crate::io::joint::ForceInput;
 use crate::mechanics::cohesive::CohesiveLaw;
-use crate::mechanics::{Joint, Model, NodeGroup, ReactionAt, ReactionGauge, Solution};
+use crate::mechanics::{Instant, Joint, Model, NodeGroup, ReactionAt, ReactionGauge, Solution};
 use crate::remark::Remark;
 
 /// Rotation of the rigid motion that is taken off, rad, above which the direction of the force is named.
@@ -76,24 +77,14 @@ impl LoadCell {
             let what = "width_mm is missing: reactions of the model are by mm of width; give that of the specimen";
             return Err(refused("width_mm", what.to_owned()));
         };
-        let above_zero = |key: &str, value: f64| match value.is_finite() && value > 0.0 {
-            true => Ok(value),
-            false => Err(refused(key, format!("{key} = {value}: it must be a finite number above zero"))),
-        };
-        let width_mm = above_zero("width_mm", width_mm)?;
-        let std_n = asked.std_n.map(|std| above_zero("std_N", std)).transpose()?;
-        if needs_std && std_n.is_none() {
-            let what =
-                "std_N is missing: the fit weighs the force by its standard uncertainty (N); or give use = false";
-            return Err(refused("std_N", what.to_owned()));
-        }
+        let width_mm = positive("force", "width_mm", width_mm)?;
+        let std_n = asked.std_n.map(|std| positive("force", "std_N", std)).transpose()?;
+        let what = "std_N is missing: the fit weighs the force by its standard uncertainty (N); or give use = false";
+        refuse_if(needs_std && std_n.is_none(), "force", "std_N", what)?;
         let file = format!("{}: ", input.path.display());
         found.extend(input.remarks.iter().map(|remark| remark.clone().after(&file)));
-        let known = input.values.iter().flatten().count();
-        if known == 0 {
-            let what = format!("{}: column '{}' has no value at any instant", input.path.display(), input.column);
-            return Err(refused("column", what));
-        }
+        let what = format!("{}: column '{}' has no value at any instant", input.path.display(), input.column);
+        refuse_if(input.values.iter().flatten().next().is_none(), "force", "column", what)?;
         let turned = joint.removed.iter().fold(0.0_f64, |most, motion| most.max(motion.rotation_rad.abs()));
         if turned > TURNED {
             found.push(remarks::force_turned(turned));
@@ -128,18 +119,12 @@ impl LoadCell {
 
     /// The measured forces beside those of `solution`; `None` where no instant has both.
     pub fn compare(&self, model: &Model, law: &dyn CohesiveLaw, solution: &Solution) -> Option<LoadComparison> {
-        let point = |(index, instant): (usize, &crate::mechanics::Instant)| {
+        let point = |(index, instant): (usize, &Instant)| {
             let measured = self.at(index).filter(|_| instant.status.converged())?;
             let computed = self.width_mm * self.reaction(model, law, &instant.displacement).value;
             Some((index + 1, measured, computed))
         };
         let points: Vec<(usize, f64, f64)> = solution.instants.iter().enumerate().filter_map(point).collect();
-        LoadComparison::new(points)
-    }
-}
-
-impl LoadComparison {
-    fn new(points: Vec<(usize, f64, f64)>) -> Option<Self> {
         let off = |(_, measured, computed): &(usize, f64, f64)| measured - computed;
         let n = points.len() as f64;
         let rms_n = (points.iter().map(|point| off(point).powi(2)).sum::<f64>() / n).sqrt();
@@ -147,9 +132,11 @@ impl LoadComparison {
         let largest = (off(worst), worst.0);
         let peak_n = points.iter().fold(0.0_f64, |most, (_, measured, _)| most.max(measured.abs()));
         let (both, square) = points.iter().fold((0.0, 0.0), |(both, square), (_, m, c)| (both + m * c, square + c * c));
-        Some(Self { rms_n, peak_n, largest, scale: (square > 0.0).then(|| both / square), points })
+        Some(LoadComparison { rms_n, peak_n, largest, scale: (square > 0.0).then(|| both / square), points })
     }
+}
 
+impl LoadComparison {
     /// In words: one line.
     pub fn text(&self, cell: &LoadCell) -> String {
         let share = |force: f64| if self.peak_n > 0.0 { 100.0 * force / self.peak_n } else { 0.0 };

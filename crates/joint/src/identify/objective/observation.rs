@@ -1,7 +1,7 @@
 //! What the computed displacements are compared with: nodes, instants, and the scale of each instant.
 
 use crate::field::RigidMotion;
-use crate::identify::objective::load_cell::LoadCell;
+use crate::identify::LoadCell;
 use crate::linalg::Dense;
 
 /// What was measured and the fit uses. Rows are displacements (mm), node by node, x then y; the last one, where a load

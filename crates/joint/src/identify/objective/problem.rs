@@ -1,14 +1,11 @@
 //! The objective (THEORY 6, 7): residual, Jacobian, and what the trust region needs of them.
 
-use crate::identify::FitError;
-use crate::identify::objective::noise::Noise;
-use crate::identify::objective::observation::{Observation, ObservedInstant};
-use crate::identify::objective::unknowns::Unknowns;
-use crate::identify::objective::weights::Weights;
-use crate::identify::solve::trust_region::Local;
-use crate::identify::solve::watch::FitWatch;
+use crate::identify::{
+    FitError, FitWatch, InverseCovariance, Local, Noise, Observation, ObservedInstant, Unknowns, Weights,
+};
 use crate::io::case::WeightKind;
 use crate::linalg::Dense;
+use crate::mechanics::cohesive::CohesiveLaw;
 use crate::mechanics::{BoundaryHistory, ForwardOptions, Joint, Model, ModelError, Solution, Status};
 use rayon::prelude::*;
 use std::cell::Cell;
@@ -97,9 +94,24 @@ impl Problem<'_> {
         self.unknowns.list().iter().zip(x).map(|(unknown, &x)| (unknown.parameter.name, x)).collect()
     }
 
-    /// Solutions of equations that a forward run on `model` may take.
-    pub(crate) fn most_steps(&self, model: &Model, boundary: &BoundaryHistory) -> usize {
-        STEPS * (10 + boundary.instants().len() + model.mesh().pairs().len())
+    /// A forward run on `model` with the law at the parameters `x`, which takes no longer than a good one may, and ends
+    /// when `ended` says so.
+    pub(crate) fn forward(
+        &self,
+        model: &Model,
+        (law, x): (&dyn CohesiveLaw, &[f64]),
+        boundary: &BoundaryHistory,
+        options: &ForwardOptions,
+        ended: &dyn Fn() -> bool,
+    ) -> Result<Solution, ModelError> {
+        let n_instants = boundary.instants().len();
+        let (most, steps) = (STEPS * (10 + n_instants + model.mesh().pairs().len()), Cell::new(0_usize));
+        let go_on = |instant: usize| {
+            steps.set(steps.get() + 1);
+            self.watch.at(instant, n_instants, || self.named(x));
+            steps.get() <= most && !ended()
+        };
+        model.forward_while(law, boundary, options, &go_on)
     }
 
     /// The objective's ingredients at `x` with the prescribed displacements `boundary`; `None` where the law refuses
@@ -130,13 +142,7 @@ impl Problem<'_> {
         let Ok(law) = self.unknowns.law_at(x) else { return Ok(None) };
         let options = ForwardOptions { law_sensitivities: true, ..ForwardOptions::default() };
         let model = &self.joint.model;
-        let (most, steps) = (self.most_steps(model, boundary), Cell::new(0_usize));
-        let go_on = |instant: usize| {
-            steps.set(steps.get() + 1);
-            self.watch.at(instant, boundary.instants().len(), || self.named(x));
-            steps.get() <= most && !ended()
-        };
-        let solution = model.forward_while(&*law, boundary, &options, &go_on)?;
+        let solution = self.forward(model, (&*law, x), boundary, &options, ended)?;
         self.watch.note_evaluation();
         let slopes = self.unknowns.slopes(x);
         let Observation { nodes, instants, force, .. } = &*self.observation;
@@ -200,6 +206,21 @@ impl Problem<'_> {
         let rows = observation.n_rows();
         let instants = observation.instants.iter();
         Weights::Diagonal(instants.map(|i| (0..rows).map(|row| weight(row, i.largest, i.factor)).collect()).collect())
+    }
+
+    /// The inverse covariance of all instants; `by_boundary` holds their `T_i`, none where the boundary has no noise.
+    pub(crate) fn inverse_covariance(&self, by_boundary: Vec<Dense>) -> Result<Weights, FitError> {
+        let inverse = InverseCovariance::new(&self.noise, self.observation.instants.len(), by_boundary);
+        inverse.map(Weights::Inverse).map_err(|fault| FitError::Covariance { row: fault.node })
+    }
+
+    /// The weights of this kind that a fit begins with: the whole covariance follows the parameters where the boundary
+    /// has noise.
+    pub(crate) fn first_weights(&self, kind: WeightKind) -> Result<Weights, FitError> {
+        match kind {
+            WeightKind::Covariance if self.observation.prescribed.is_empty() => self.inverse_covariance(Vec::new()),
+            kind => Ok(self.diagonal_weights(kind)),
+        }
     }
 
     /// `T_i`: derivatives of all rows by the prescribed components of the measured mesh at each instant compared; empty

@@ -67,17 +67,20 @@ pub struct Unknowns {
 /// Without given bounds a parameter may move by this factor either way.
 pub const WIDE: f64 = 1e3;
 
+/// A parameter to be fitted: its index in the law, start, lower and upper bound.
+pub type Asked = (usize, f64, Option<f64>, Option<f64>);
+
 impl Unknowns {
-    /// The unknowns `(index in the law, start, lower, upper)`; where there is no bound, the start times or over
+    /// The unknowns of `list`; where there is no bound, the start times or over
     /// [`WIDE`]. No bound lies outside the range of the law.
     ///
     /// # Errors
     /// A start that the law does not allow.
-    pub fn new(law: &dyn CohesiveLaw, list: &[(usize, f64, Option<f64>, Option<f64>)]) -> Result<Self, LawError> {
+    pub fn new(law: &dyn CohesiveLaw, list: &[Asked]) -> Result<Self, LawError> {
         let mut values = law.values();
         list.iter().for_each(|&(index, start, ..)| values[index] = start);
         let law = law.with_values(&values)?;
-        let unknown = |&(index, start, lower, upper): &(usize, f64, Option<f64>, Option<f64>)| {
+        let unknown = |&(index, start, lower, upper): &Asked| {
             let mut zero = values.clone();
             zero[index] = 0.0;
             let [least, most] = law.range(index);

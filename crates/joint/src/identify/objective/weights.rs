@@ -1,6 +1,6 @@
 //! The weights of the objective: `omega = r^T W r` over all instants and rows.
 
-use crate::identify::objective::noise::{Noise, Precision};
+use crate::identify::{Noise, Precision, scale};
 use crate::linalg::{Dense, DenseCholesky, NotPositiveDefinite};
 use rayon::prelude::*;
 
@@ -124,11 +124,7 @@ impl InverseCovariance {
             }
             (None, false) => {}
         }
-        for y in &mut y {
-            for k in 0..y.n_columns() {
-                y.column_mut(k).iter_mut().for_each(|v| *v *= self.factor);
-            }
-        }
+        y.iter_mut().for_each(|y| scale(y, self.factor));
         y
     }
 }

@@ -1,10 +1,7 @@
 //! What was fitted, with what is known of it.
 
-use crate::identify::intervals::budget::{Budget, Ingredients, budget};
-use crate::identify::intervals::statistics::NORMAL_95;
-use crate::identify::objective::problem::Problem;
-use crate::identify::result::derived::Derived;
-use crate::identify::solve::trust_region::FitStatus;
+use crate::identify::intervals::budget::budget;
+use crate::identify::{Budget, Derived, FitStatus, Ingredients, NORMAL_95, Problem};
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::Parameter;
 

@@ -1,8 +1,6 @@
 //! What a fit takes for granted, in words: the values that its intervals are conditional on.
 
-use crate::identify::doubt::released::{Released, ReleasedParameter};
-use crate::identify::intervals::constants::{Constant, ConstantKind};
-use crate::identify::objective::problem::Problem;
+use crate::identify::{Constant, ConstantKind, Problem, Released, ReleasedParameter};
 
 impl Problem<'_> {
     /// The prescribed values: parameters of the law and of the strips, thickness, size of a pixel.

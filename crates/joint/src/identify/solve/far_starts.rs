@@ -1,12 +1,8 @@
 //! Further starts of a fit that ended where it hardly can be right: a joint that is torn apart at once, or not at all,
 //! has minima of its own.
 
-use crate::identify::cases::options::FitOptions;
-use crate::identify::objective::problem::Problem;
-use crate::identify::objective::unknowns::Unknowns;
-use crate::identify::objective::weights::Weights;
 use crate::identify::solve::stage::run;
-use crate::identify::solve::trust_region::{End, FitStatus, TrustRegionOptions};
+use crate::identify::{End, FitOptions, FitStatus, Problem, TrustRegionOptions, Unknown, Unknowns, Weights};
 use crate::mechanics::BoundaryHistory;
 use rayon::prelude::*;
 
@@ -106,7 +102,7 @@ pub(crate) fn other_minima(
 /// The unknowns at `x` with all tractions of the law times the first factor and all jumps times the second, within
 /// their bounds.
 fn scaled_law(unknowns: &Unknowns, x: &[f64], [traction, jump]: [f64; 2]) -> Vec<f64> {
-    let value = |(unknown, x): (&crate::identify::objective::unknowns::Unknown, &f64)| {
+    let value = |(unknown, x): (&Unknown, &f64)| {
         let factor = match unknown.parameter.unit {
             "MPa" => traction,
             "mm" => jump,

@@ -1,29 +1,16 @@
 //! The fit: starts, weights, end, and what is known of the result.
 
-use crate::identify::FitError;
-use crate::identify::cases::options::{FitOptions, RotationCheck};
-use crate::identify::doubt::discretisation::{Refined, Refinement};
-use crate::identify::doubt::misfit::Misfit;
-use crate::identify::doubt::plausibility::implausible_result;
-use crate::identify::doubt::released::Released;
-use crate::identify::doubt::released_width::ReleasedWidth;
-use crate::identify::doubt::rotations::Rotations;
-use crate::identify::doubt::verdict::{Grounds, LARGEST_STD, Verdict, curve_alone};
-use crate::identify::intervals::axes::Axes;
-use crate::identify::intervals::bootstrap::Base;
-use crate::identify::intervals::budget::{Budget, Ingredients, interval95};
-use crate::identify::intervals::constants::{ConstantEffect, ConstantKind};
-use crate::identify::intervals::intervals_::{IntervalBasis, settle};
-use crate::identify::intervals::statistics::Statistics;
+use crate::identify::doubt::verdict::curve_alone;
 use crate::identify::objective::estimated_boundary::estimate_boundary;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::unknowns::Unknowns;
-use crate::identify::objective::weights::{InverseCovariance, Weights};
-use crate::identify::result::fitted::{Fitted, FittedParameter, FittedQuantity, StartEnd, assess};
-use crate::identify::solve::far_starts::{further_start, other_minima, several_minima};
-use crate::identify::solve::stage::{COARSE, Stage, at, distance, full_weights, no_texture, reweight, run};
-use crate::identify::solve::trust_region::{End, FitStatus, Iteration, Local, TrustRegionOptions};
-use crate::identify::solve::watch::Ended;
+use crate::identify::solve::far_starts::{further_start, several_minima};
+use crate::identify::solve::stage::{at, distance, reweight, run};
+use crate::identify::{
+    Axes, Base, Budget, COARSE, ConstantEffect, ConstantKind, End, Ended, Evaluation, FitError, FitOptions, FitStatus,
+    Fitted, FittedParameter, FittedQuantity, Grounds, Ingredients, IntervalBasis, Iteration, LARGEST_STD, Local,
+    Misfit, Problem, Refined, Refinement, Released, ReleasedWidth, RotationCheck, Rotations, Stage, StartEnd,
+    Statistics, TrustRegionOptions, Unknown, Unknowns, Verdict, Weights, assess, full_weights, implausible_result,
+    interval95, other_minima, settle,
+};
 use crate::io::case::{Discretisation, Intervals, WeightKind};
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::{CohesiveLaw, LawLimit};
@@ -204,14 +191,7 @@ impl Minimum {
         let unknowns = &problem.unknowns;
         let measured = &problem.joint.boundary;
         let noisy_boundary = !problem.observation.prescribed.is_empty();
-        let mut weights = match options.weights {
-            // Without boundary noise the inverse covariance does not depend on the parameters.
-            WeightKind::Covariance if !noisy_boundary => {
-                let n = problem.observation.instants.len();
-                Weights::Inverse(InverseCovariance::new(&problem.noise, n, Vec::new()).map_err(no_texture)?)
-            }
-            kind => problem.diagonal_weights(kind),
-        };
+        let mut weights = problem.first_weights(options.weights)?;
         let starts: Vec<Vec<f64>> = std::iter::once(unknowns.start()).chain(options.starts.iter().cloned()).collect();
         let follows_data = options.weights == WeightKind::Covariance && noisy_boundary;
         let region = match follows_data && starts.len() == 1 {
@@ -398,25 +378,12 @@ fn appraise(
     if let Some(axes) = &axes {
         widen_to_minima(axes, unknowns, &budget, &mut parameters, &mut derived);
     }
-    let eigen = end.local.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
-    let singular_values: Vec<f64> = eigen.0.iter().rev().map(|v| v.max(0.0).sqrt()).collect();
+    let singular_values = end.local.singular_values()?;
     let doubts = appraisal.doubt(refined.as_ref().map(|refined| refined.change.as_slice()), &constants)?;
     let missing = appraisal.missing;
     let cut_short = problem.watch.ended().map(|ended| CutShort { ended, missing });
-    let findings = Findings {
-        parameters: &parameters,
-        derived: &derived,
-        intervals: intervals.as_ref(),
-        doubts: &doubts,
-        rotations: rotations.as_ref(),
-        axes: axes.as_ref(),
-        cut_short: cut_short.as_ref(),
-    };
-    let verdict = judge(problem, options, &end, &findings);
-    let mut history = end.stage.history;
-    history.iter_mut().for_each(|iteration| iteration.z = unknowns.unscaled(&iteration.z));
     let law = unknowns.law_at(x)?;
-    Ok(Fit {
+    let mut fit = Fit {
         derived,
         parameters,
         values: law.values(),
@@ -428,12 +395,12 @@ fn appraise(
         reason: end.stage.reason,
         evaluations: end.stage.evaluations,
         rescued: end.stage.rescued,
-        history,
+        history: end.stage.history.into_iter().map(|iteration| iteration.unscaled(unknowns)).collect(),
         starts: end.starts,
         misfit: doubts.misfit,
         released: doubts.released,
         width: doubts.width,
-        verdict,
+        verdict: Verdict::default(),
         constants,
         budget,
         remarks: implausible_result(problem, &*law),
@@ -446,57 +413,47 @@ fn appraise(
         largest_correction: end.largest_correction,
         cut_short,
         axes,
-    })
+    };
+    fit.verdict = judge(problem, options, &fit, &end.local.h);
+    Ok(fit)
 }
 
-/// What the verdict on a fit rests on, beside where it ended.
-struct Findings<'a> {
-    parameters: &'a [FittedParameter],
-    derived: &'a [FittedQuantity],
-    intervals: Option<&'a IntervalBasis>,
-    doubts: &'a Doubts,
-    rotations: Option<&'a Rotations>,
-    axes: Option<&'a Axes>,
-    cut_short: Option<&'a CutShort>,
-}
-
-/// Judges the fit that ended at `end`.
-fn judge(problem: &Problem<'_>, options: &FitOptions, end: &Minimum, of: &Findings<'_>) -> Verdict {
-    let unfinished = reasons_unfinished(end.stage.status, of.cut_short, &problem.unknowns, &end.evaluation.x);
-    let statistics = end.statistics.as_ref();
+/// Judges a fit, at whose end the normal matrix is `h`.
+fn judge(problem: &Problem<'_>, options: &FitOptions, of: &Fit, h: &Dense) -> Verdict {
+    let unfinished = reasons_unfinished(of.status, of.cut_short.as_ref(), &problem.unknowns, &of.evaluation.x);
+    let statistics = of.statistics.as_ref();
     let noise = statistics.map(|statistics| &statistics.covariance);
-    let missing =
-        if options.doubt { problem.missing_mode(&end.evaluation, &end.local.h, noise, LARGEST_STD) } else { None };
+    let missing = if options.doubt { problem.missing_mode(&of.evaluation, h, noise, LARGEST_STD) } else { None };
     // Whether the data tell the parameters apart is a question to the noise: one wrong constant moves all of them
     // together.
     let of_noise = noise.map(|covariance| correlation_of(covariance, statistics));
     let verdict = match &of_noise {
-        None => Verdict::singular(of.parameters, unfinished, missing.as_ref()),
+        None => Verdict::singular(&of.parameters, unfinished, missing.as_ref()),
         Some(correlation) => {
-            let released = of.doubts.released.as_ref();
+            let released = of.released.as_ref();
             let prescribed =
                 released.map_or(Vec::new(), |released| problem.prescribed_std(released, &options.constants));
             let grounds = Grounds {
                 correlation,
-                misfit: of.doubts.misfit.as_ref(),
+                misfit: of.misfit.as_ref(),
                 released,
-                width: of.doubts.width.as_ref(),
+                width: of.width.as_ref(),
                 released_std: &prescribed,
-                intervals: of.intervals,
+                intervals: of.intervals.as_ref(),
                 noise_ratio: problem.noise.ratio,
                 given: problem.given(),
                 unfinished,
                 missing,
             };
-            Verdict::new(of.parameters, &grounds)
+            Verdict::new(&of.parameters, &grounds)
         }
     };
-    let judged = of.rotations.filter(|_| options.rotations == RotationCheck::Judged);
-    let mut verdict = verdict.with_rotations(judged, of.parameters);
+    let judged = of.rotations.as_ref().filter(|_| options.rotations == RotationCheck::Judged);
+    let mut verdict = verdict.with_rotations(judged, &of.parameters);
     if problem.observation.nodes.is_empty() && statistics.is_some() {
-        verdict.sentences.push(curve_alone(of.parameters, of.derived));
+        verdict.sentences.push(curve_alone(&of.parameters, &of.derived));
     }
-    if let Some(others) = of.axes.map(Axes::n_others).filter(|others| *others > 0) {
+    if let Some(others) = of.axes.as_ref().map(Axes::n_others).filter(|others| *others > 0) {
         verdict.sentences.push(several_minima(problem.unknowns.law().name(), others));
     }
     verdict
@@ -580,9 +537,7 @@ fn at_limits(unknowns: &Unknowns, x: &[f64]) -> Vec<String> {
 }
 
 pub(crate) fn describe(unknowns: &Unknowns, x: &[f64]) -> String {
-    let named = |(unknown, x): (&crate::identify::objective::unknowns::Unknown, &f64)| {
-        format!("{} = {x}", unknown.parameter.name)
-    };
+    let named = |(unknown, x): (&Unknown, &f64)| format!("{} = {x}", unknown.parameter.name);
     unknowns.list().iter().zip(x).map(named).collect::<Vec<_>>().join(", ")
 }
 

@@ -1,8 +1,7 @@
 //! Where the fit of a law starts that the case does not start: with the strengths and works of separation of one that
 //! it does.
 
-use crate::identify::cases::error::{FitError, wrong};
-use crate::identify::objective::unknowns::Unknowns;
+use crate::identify::{Asked, FitError, Unknowns, wrong};
 use crate::mechanics::cohesive::{
     Bilinear, CohesiveLaw, ExponentialDamage, ExtendedXuNeedleman, Jump, ParkPaulinoRoesler, SmithFerrante,
     Trapezoidal, XuNeedleman, law_by_name, parameters_by_name,
@@ -103,10 +102,8 @@ pub fn law_like(name: &str, like: &dyn CohesiveLaw) -> Option<Box<dyn CohesiveLa
 }
 
 /// The unknowns of the law called `name`, started with strengths and works of separation of `like`: all of its
-/// parameters but exponents and shapes that are known beforehand or not at all.
-///
-/// # Errors
-/// No such law; one that cannot be started so.
+/// parameters but exponents and shapes that are known beforehand or not at all. Errors: no such law; one that cannot be
+/// started so.
 pub(crate) fn start_law(name: &str, like: &dyn CohesiveLaw) -> Result<Unknowns, FitError> {
     parameters_by_name(name)?;
     let law = law_like(name, like).ok_or_else(|| {
@@ -120,7 +117,7 @@ pub(crate) fn start_law(name: &str, like: &dyn CohesiveLaw) -> Result<Unknowns, 
     // The weight of the sliding in the exponential laws has the name of a shape elsewhere.
     let kept = |p: &str| KEPT.contains(&p) && ![SmithFerrante::NAME, ExponentialDamage::NAME].contains(&name);
     let values = law.values();
-    let list: Vec<(usize, f64, Option<f64>, Option<f64>)> = (law.parameters().iter().enumerate())
+    let list: Vec<Asked> = (law.parameters().iter().enumerate())
         .filter(|(_, p)| !kept(p.name))
         .map(|(index, _)| (index, values[index], None, None))
         .collect();

@@ -1,10 +1,8 @@
 //! The stages of a fit: one start under fixed weights, and the same again under weights made where that ended.
 
-use crate::identify::FitError;
-use crate::identify::objective::problem::{Evaluation, Problem};
-use crate::identify::objective::weights::{InverseCovariance, Weights};
-use crate::identify::solve::trust_region::{End, FitStatus, Iteration, TrustRegionOptions, minimise_unless};
-use crate::linalg::NotPositiveDefinite;
+use crate::identify::{
+    End, Evaluation, FitError, FitStatus, Iteration, Local, Problem, TrustRegionOptions, Weights, minimise_unless,
+};
 use crate::mechanics::BoundaryHistory;
 
 /// Most fits under weights that are made anew. What new weights change falls by a factor of 100 from one to the next.
@@ -44,7 +42,27 @@ impl Stage {
     }
 }
 
-/// One start under fixed weights; `known` is what is known there.
+/// One start of the unknowns of `problem` under fixed weights, of which `local_at` makes the objective.
+pub(crate) fn run_with(
+    problem: &Problem<'_>,
+    start: &[f64],
+    region: &TrustRegionOptions,
+    mut local_at: impl FnMut(&[f64]) -> Option<Local>,
+) -> End {
+    let (unknowns, watch) = (&problem.unknowns, &problem.watch);
+    let [lower, upper] = unknowns.scaled_bounds();
+    let evaluate = |z: &[f64]| {
+        let x = unknowns.unscaled(z);
+        let local = local_at(&x).filter(|local| local.omega.is_finite());
+        watch.note_trial(local.as_ref().map(|local| local.omega), problem.named(&x));
+        local
+    };
+    let ended = || watch.ended().map(|ended| (ended.status(), ended.reason()));
+    let limits = |z: &[f64]| unknowns.scaled_limits(z);
+    minimise_unless(&unknowns.scaled(start), [&lower, &upper], region, evaluate, limits, ended)
+}
+
+/// The same of the data of `problem`; `known` is what is known at the start.
 pub(crate) fn run(
     problem: &Problem<'_>,
     boundary: &BoundaryHistory,
@@ -53,19 +71,10 @@ pub(crate) fn run(
     mut known: Option<Evaluation>,
     region: &TrustRegionOptions,
 ) -> End {
-    let unknowns = &problem.unknowns;
-    let [lower, upper] = unknowns.scaled_bounds();
-    let evaluate = |z: &[f64]| {
-        let x = unknowns.unscaled(z);
-        let evaluation = known.take().or_else(|| problem.evaluate(&x, boundary).ok().flatten());
-        let local = evaluation.map(|evaluation| evaluation.local(weights, &problem.noise));
-        let local = local.filter(|local| local.omega.is_finite());
-        problem.watch.note_trial(local.as_ref().map(|local| local.omega), problem.named(&x));
-        local
-    };
-    let ended = || problem.watch.ended().map(|ended| (ended.status(), ended.reason()));
-    let limits = |z: &[f64]| unknowns.scaled_limits(z);
-    minimise_unless(&unknowns.scaled(start), [&lower, &upper], region, evaluate, limits, ended)
+    run_with(problem, start, region, |x| {
+        let evaluation = known.take().or_else(|| problem.evaluate(x, boundary).ok().flatten());
+        evaluation.map(|evaluation| evaluation.local(weights, &problem.noise))
+    })
 }
 
 /// Fits under the inverse covariance made at the end of the fit before, until the parameters stand still; gives the
@@ -98,14 +107,9 @@ pub(crate) fn at(problem: &Problem<'_>, z: &[f64], boundary: &BoundaryHistory) -
     problem.evaluate_again(&problem.unknowns.unscaled(z), boundary)?.ok_or(FitError::Lost)
 }
 
+/// The inverse covariance at `evaluation`.
 pub(crate) fn full_weights(problem: &Problem<'_>, evaluation: &Evaluation) -> Result<Weights, FitError> {
-    let by_boundary = problem.by_boundary(evaluation)?;
-    let n = problem.observation.instants.len();
-    Ok(Weights::Inverse(InverseCovariance::new(&problem.noise, n, by_boundary).map_err(no_texture)?))
-}
-
-pub(crate) fn no_texture(fault: NotPositiveDefinite) -> FitError {
-    FitError::Covariance { row: fault.node }
+    problem.inverse_covariance(problem.by_boundary(evaluation)?)
 }
 
 /// The largest difference.

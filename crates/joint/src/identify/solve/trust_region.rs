@@ -1,6 +1,7 @@
 //! Gauss-Newton in a trust region with bounds (THEORY 6), on scaled unknowns.
 
-use crate::identify::solve::cone_step::{HalfSpace, StepRegion, cone_step_beside, length, room};
+use crate::identify::solve::cone_step::{cone_step_beside, length};
+use crate::identify::{FitError, HalfSpace, StepRegion, Unknowns, room};
 use crate::linalg::Dense;
 
 /// What the objective is about a point, in scaled unknowns `z`: `omega(z + s) ~ omega - 2 b^T s + s^T H s`.
@@ -14,6 +15,21 @@ pub struct Local {
     pub h: Dense,
     /// Whether the forward run was rescued: node pairs snapped.
     pub rescued: bool,
+}
+
+impl Local {
+    /// The same by a factor.
+    pub(crate) fn times(self, factor: f64) -> Self {
+        let b = self.b.iter().map(|b| factor * b).collect();
+        let h = Dense::from_fn(self.h.n_rows(), self.h.n_rows(), |r, c| factor * self.h[(r, c)]);
+        Self { omega: factor * self.omega, b, h, rescued: self.rescued }
+    }
+
+    /// Those of the weighted Jacobian by the scaled unknowns, falling.
+    pub(crate) fn singular_values(&self) -> Result<Vec<f64>, FitError> {
+        let (values, _) = self.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
+        Ok(values.iter().rev().map(|value| value.max(0.0).sqrt()).collect())
+    }
 }
 
 /// When the iteration ends.
@@ -90,6 +106,13 @@ pub struct Iteration {
     pub accepted: bool,
     /// Whether the forward run was rescued.
     pub rescued: bool,
+}
+
+impl Iteration {
+    /// The same with the point in parameters.
+    pub(crate) fn unscaled(self, unknowns: &Unknowns) -> Self {
+        Self { z: unknowns.unscaled(&self.z), ..self }
+    }
 }
 
 /// Where a fit ended.

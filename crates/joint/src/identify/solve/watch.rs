@@ -1,10 +1,10 @@
 //! What ends a fit from outside (a limit of time, a wish to stop), and who hears how it goes.
 
-use crate::identify::solve::trust_region::FitStatus;
+use crate::identify::FitStatus;
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Seconds between two words on one forward run.
@@ -104,15 +104,14 @@ impl FitWatch {
     /// Something else begins.
     pub fn begins(&self, doing: &'static str) {
         if let Some(watched) = &self.0 {
-            watched.now.lock().unwrap_or_else(PoisonError::into_inner).0 = doing;
+            watched.now().0 = doing;
         }
     }
 
     /// A forward run is at `instant` of `n_instants`.
     pub fn at(&self, instant: usize, n_instants: usize, parameters: impl Fn() -> Vec<(&'static str, f64)>) {
         let Some(watched) = &self.0 else { return };
-        let silent = watched.now.lock().unwrap_or_else(PoisonError::into_inner).1.elapsed();
-        if silent >= EVERY {
+        if watched.now().1.elapsed() >= EVERY {
             watched.tell(Some(instant), n_instants, None, parameters());
         }
     }
@@ -133,6 +132,10 @@ impl FitWatch {
 }
 
 impl Watched {
+    fn now(&self) -> MutexGuard<'_, (&'static str, Instant)> {
+        self.now.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn tell(
         &self,
         instant: Option<usize>,
@@ -141,7 +144,7 @@ impl Watched {
         parameters: Vec<(&'static str, f64)>,
     ) {
         let doing = {
-            let mut now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut now = self.now();
             now.1 = Instant::now();
             now.0
         };

@@ -2,13 +2,11 @@
 //! corners.
 
 use super::dual::Dual;
-use super::mixed_mode;
-use super::mixed_mode::{Corners, MixedModeCriterion, ROUNDING, check, onset_and_toughness, rise_and_fall, table};
+use super::mixed_mode::{self, Corners, MixedModeCriterion, check, onset_and_toughness, rise_and_fall, table};
 use super::secants::{Secants, answer_by_secants};
-use super::{CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, LawLimit, Parameter, Traction};
-
-static BENZEGGAGH_KENANE_TABLE: [Parameter; 6] = table(MixedModeCriterion::BenzeggaghKenane);
-static POWER_TABLE: [Parameter; 6] = table(MixedModeCriterion::Power);
+use super::{
+    CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, LawKind, LawLimit, Traction, exactly, variables,
+};
 
 /// The bilinear law. With `lambda = sqrt(<D_n>^2 + D_t^2)` and the shares `c_n = <D_n>/lambda`, `c_t = D_t/lambda`
 /// of the modes, the traction grows as `K lambda` up to the onset `lambda_0`, where `(K lambda_0)^2 ((c_n/T_n0)^2 +
@@ -26,6 +24,19 @@ pub struct Bilinear {
     values: [f64; 6],
 }
 
+pub(super) static KINDS: [LawKind; 2] = [
+    LawKind {
+        name: Bilinear::BENZEGGAGH_KENANE,
+        parameters: &table(MixedModeCriterion::BenzeggaghKenane),
+        make: |values| Bilinear::boxed(MixedModeCriterion::BenzeggaghKenane, values),
+    },
+    LawKind {
+        name: Bilinear::POWER,
+        parameters: &table(MixedModeCriterion::Power),
+        make: |values| Bilinear::boxed(MixedModeCriterion::Power, values),
+    },
+];
+
 /// Jump and parameters.
 type Number = Dual<8>;
 
@@ -34,18 +45,6 @@ impl Bilinear {
     pub const BENZEGGAGH_KENANE: &'static str = "bilinear-benzeggagh-kenane";
     /// Name of the law with the power criterion.
     pub const POWER: &'static str = "bilinear-power";
-    /// Half width of the rounding at the onset, as a share of the onset.
-    pub const ROUNDING: f64 = ROUNDING;
-
-    /// Its name with a criterion.
-    pub(super) const fn name_with(criterion: MixedModeCriterion) -> &'static str {
-        criterion.of([Self::BENZEGGAGH_KENANE, Self::POWER])
-    }
-
-    /// Its parameters with a criterion.
-    pub(super) const fn parameters_with(criterion: MixedModeCriterion) -> &'static [Parameter] {
-        criterion.of([&BENZEGGAGH_KENANE_TABLE, &POWER_TABLE])
-    }
 
     /// The law with `K` (MPa/mm), `T_n0`, `T_t0` (MPa), `G_Ic`, `G_IIc` (N/mm), all positive, and `eta`, 1 or more.
     ///
@@ -54,11 +53,15 @@ impl Bilinear {
     /// the falling branch (`lambda_f` below 1.5 `lambda_0`) is not.
     pub fn new(criterion: MixedModeCriterion, values: [f64; 6]) -> Result<Self, LawError> {
         let law = Self { criterion, values };
-        check(Self::parameters_with(criterion), &values, |c_n, c_t| {
+        check(KINDS[criterion as usize].parameters, &values, |c_n, c_t| {
             let (onset, end) = law.onset_and_end(c_n, c_t);
             [onset, onset, end]
         })?;
         Ok(law)
+    }
+
+    fn boxed(criterion: MixedModeCriterion, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
+        Ok(Box::new(Self::new(criterion, exactly(KINDS[criterion as usize].name, values)?)?))
     }
 
     fn onset_and_end(&self, c_n: f64, c_t: f64) -> (f64, f64) {
@@ -69,7 +72,7 @@ impl Bilinear {
     }
 
     fn secants(&self, jump: Jump) -> Secants<8> {
-        let numbers: [Number; 6] = super::variables(self.values);
+        let numbers: [Number; 6] = variables(self.values);
         rise_and_fall(jump, numbers[0], |shares| {
             let (onset, end) = onset_and_end(self.criterion, numbers, shares);
             Corners { onset, plateau: None, end }
@@ -84,20 +87,12 @@ fn onset_and_end(criterion: MixedModeCriterion, values: [Number; 6], shares: [Nu
 }
 
 impl CohesiveLaw for Bilinear {
-    fn name(&self) -> &'static str {
-        Self::name_with(self.criterion)
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        Self::parameters_with(self.criterion)
+    fn kind(&self) -> &'static LawKind {
+        &KINDS[self.criterion as usize]
     }
 
     fn values(&self) -> Vec<f64> {
         self.values.to_vec()
-    }
-
-    fn with_values(&self, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
-        Ok(Box::new(Self::new(self.criterion, super::exactly(self.name(), values)?)?))
     }
 
     answer_by_secants!();
@@ -115,7 +110,7 @@ impl CohesiveLaw for Bilinear {
     }
 
     fn limits(&self) -> Vec<LawLimit> {
-        mixed_mode::limits::<8>(self.criterion, super::variables(self.values), None)
+        mixed_mode::limits::<8>(self.criterion, variables(self.values), None)
     }
 
     fn front_opening(&self) -> f64 {

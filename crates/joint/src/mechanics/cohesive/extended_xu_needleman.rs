@@ -2,7 +2,8 @@
 //! Schreurs, Geers 2006).
 
 use super::{
-    CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction, all_positive, exactly,
+    CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, LawKind, Parameter, Traction, all_positive,
+    exactly,
 };
 use nalgebra::Matrix2;
 
@@ -17,12 +18,9 @@ pub struct ExtendedXuNeedleman {
     r: f64,
 }
 
-impl ExtendedXuNeedleman {
-    /// Its name in case files.
-    pub const NAME: &'static str = "extended-xu-needleman";
-
-    /// Its parameters.
-    pub const PARAMETERS: [Parameter; 4] = [
+pub(super) static KIND: LawKind = LawKind {
+    name: ExtendedXuNeedleman::NAME,
+    parameters: &[
         Parameter { name: "phi_n", unit: "N/mm", meaning: "work of separation in pure opening" },
         Parameter { name: "delta_n", unit: "mm", meaning: "opening at the largest normal traction" },
         Parameter {
@@ -31,14 +29,23 @@ impl ExtendedXuNeedleman {
             meaning: "sqrt(2) times the sliding at the largest tangential traction",
         },
         Parameter { name: "r", unit: "1", meaning: "work of separation in pure sliding over phi_n" },
-    ];
+    ],
+    make: |values| {
+        let [phi_n, delta_n, delta_t, r] = exactly(ExtendedXuNeedleman::NAME, values)?;
+        Ok(Box::new(ExtendedXuNeedleman::new(phi_n, delta_n, delta_t, r)?))
+    },
+};
+
+impl ExtendedXuNeedleman {
+    /// Its name in case files.
+    pub const NAME: &'static str = "extended-xu-needleman";
 
     /// The law with `phi_n` (N/mm), `delta_n` and `delta_t` (mm), and `r = phi_t/phi_n`, all positive.
     ///
     /// # Errors
     /// [`LawError::Parameter`] for the first that is not.
     pub fn new(phi_n: f64, delta_n: f64, delta_t: f64, r: f64) -> Result<Self, LawError> {
-        all_positive(&Self::PARAMETERS, &[phi_n, delta_n, delta_t, r])?;
+        all_positive(KIND.parameters, &[phi_n, delta_n, delta_t, r])?;
         Ok(Self { phi_n, delta_n, delta_t, r })
     }
 
@@ -56,21 +63,12 @@ impl ExtendedXuNeedleman {
 }
 
 impl CohesiveLaw for ExtendedXuNeedleman {
-    fn name(&self) -> &'static str {
-        Self::NAME
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        &Self::PARAMETERS
+    fn kind(&self) -> &'static LawKind {
+        &KIND
     }
 
     fn values(&self) -> Vec<f64> {
         vec![self.phi_n, self.delta_n, self.delta_t, self.r]
-    }
-
-    fn with_values(&self, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
-        let [phi_n, delta_n, delta_t, r] = exactly(Self::NAME, values)?;
-        Ok(Box::new(Self::new(phi_n, delta_n, delta_t, r)?))
     }
 
     fn response(&self, jump: Jump) -> CohesiveResponse {

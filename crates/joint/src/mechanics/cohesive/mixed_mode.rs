@@ -16,27 +16,17 @@ pub enum MixedModeCriterion {
 }
 
 impl MixedModeCriterion {
-    /// That of a law's name.
-    pub(super) fn of_law(name: &str) -> Self {
-        if name.ends_with("power") { Self::Power } else { Self::BenzeggaghKenane }
-    }
-
-    /// What goes with it: of Benzeggagh and Kenane the first, of the power criterion the second.
-    pub(super) const fn of<T: Copy>(self, [benzeggagh_kenane, power]: [T; 2]) -> T {
-        match self {
-            Self::BenzeggaghKenane => benzeggagh_kenane,
-            Self::Power => power,
-        }
-    }
-
     /// What its exponent is.
     const fn exponent(self) -> &'static str {
-        self.of(["exponent of the Benzeggagh-Kenane criterion", "exponent of the power criterion"])
+        match self {
+            Self::BenzeggaghKenane => "exponent of the Benzeggagh-Kenane criterion",
+            Self::Power => "exponent of the power criterion",
+        }
     }
 }
 
 /// Half width of the rounding of a corner, as a share of the onset.
-pub const ROUNDING: f64 = 0.1;
+const ROUNDING: f64 = 0.1;
 
 /// The parameters of such a law: `K, T_n0, T_t0, G_Ic, G_IIc, eta`.
 pub const fn table(criterion: MixedModeCriterion) -> [Parameter; 6] {

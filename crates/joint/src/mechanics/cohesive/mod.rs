@@ -1,6 +1,6 @@
 //! Laws of the adhesive: the traction that the interface opposes to a jump, with all its derivatives.
 //!
-//! A law is one file: a type that implements [`CohesiveLaw`], and its line in [`law_by_name`].
+//! A law is one file: a type that implements [`CohesiveLaw`], and its kind among `KINDS`.
 
 mod bilinear;
 mod dual;
@@ -26,6 +26,7 @@ pub use xu_needleman::XuNeedleman;
 
 use nalgebra::{Matrix2, Vector2};
 use std::fmt::Debug;
+use std::ops::Sub;
 use thiserror::Error;
 
 /// Jump of the displacement across the interface, mm: upper minus lower face, along the normal (from the
@@ -42,6 +43,19 @@ impl Jump {
     /// `(normal, tangential)`.
     pub fn vector(self) -> Vector2<f64> {
         Vector2::new(self.normal, self.tangential)
+    }
+}
+
+impl From<Vector2<f64>> for Jump {
+    fn from(jump: Vector2<f64>) -> Self {
+        Self { normal: jump[0], tangential: jump[1] }
+    }
+}
+
+impl Sub for Jump {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        Self { normal: self.normal - other.normal, tangential: self.tangential - other.tangential }
     }
 }
 
@@ -105,20 +119,29 @@ impl Parameter {
 /// # Ok::<(), quadrille::mechanics::cohesive::LawError>(())
 /// ```
 pub trait CohesiveLaw: Debug + Send + Sync {
-    /// Its name in case files and results.
-    fn name(&self) -> &'static str;
-
-    /// Its parameters, in the order of [`CohesiveLaw::values`] and of all sensitivities.
-    fn parameters(&self) -> &'static [Parameter];
+    /// What all laws of its name have in common.
+    fn kind(&self) -> &'static LawKind;
 
     /// The values of the parameters.
     fn values(&self) -> Vec<f64>;
+
+    /// Its name in case files and results.
+    fn name(&self) -> &'static str {
+        self.kind().name
+    }
+
+    /// Its parameters, in the order of [`CohesiveLaw::values`] and of all sensitivities.
+    fn parameters(&self) -> &'static [Parameter] {
+        self.kind().parameters
+    }
 
     /// The same law with other values of its parameters.
     ///
     /// # Errors
     /// When a value is not allowed, or their number is not that of the parameters.
-    fn with_values(&self, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError>;
+    fn with_values(&self, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
+        (self.kind().make)(values)
+    }
 
     /// Traction and tangent at `jump`.
     fn response(&self, jump: Jump) -> CohesiveResponse;
@@ -205,18 +228,39 @@ pub enum LawError {
     },
 }
 
-/// Names of all laws.
-pub const LAW_NAMES: [&str; 9] = [
-    ExtendedXuNeedleman::NAME,
-    XuNeedleman::NAME,
-    Bilinear::BENZEGGAGH_KENANE,
-    Bilinear::POWER,
-    Trapezoidal::BENZEGGAGH_KENANE,
-    Trapezoidal::POWER,
-    ParkPaulinoRoesler::NAME,
-    SmithFerrante::NAME,
-    ExponentialDamage::NAME,
+/// All laws of one name.
+#[derive(Debug)]
+pub struct LawKind {
+    /// The name in case files and results.
+    pub name: &'static str,
+    /// The parameters.
+    pub parameters: &'static [Parameter],
+    /// Makes the law with these values of them.
+    pub make: fn(&[f64]) -> Result<Box<dyn CohesiveLaw>, LawError>,
+}
+
+/// Every kind of law.
+static KINDS: [&LawKind; 9] = [
+    &extended_xu_needleman::KIND,
+    &xu_needleman::KIND,
+    &bilinear::KINDS[0],
+    &bilinear::KINDS[1],
+    &trapezoidal::KINDS[0],
+    &trapezoidal::KINDS[1],
+    &park_paulino_roesler::KIND,
+    &smith_ferrante::KIND,
+    &exponential_damage::KIND,
 ];
+
+/// Names of all laws.
+pub const LAW_NAMES: [&str; 9] = {
+    let (mut names, mut k) = ([""; 9], 0);
+    while k < names.len() {
+        names[k] = KINDS[k].name;
+        k += 1;
+    }
+    names
+};
 
 /// One law of each kind: what a comparison takes when none is named.
 pub const USUAL_LAWS: [&str; 6] = [
@@ -228,23 +272,17 @@ pub const USUAL_LAWS: [&str; 6] = [
     SmithFerrante::NAME,
 ];
 
+fn kind_by_name(name: &str) -> Result<&'static LawKind, LawError> {
+    let kind = KINDS.into_iter().find(|kind| kind.name == name);
+    kind.ok_or_else(|| LawError::Unknown { name: name.to_owned() })
+}
+
 /// The parameters of the law called `name`.
 ///
 /// # Errors
 /// [`LawError::Unknown`].
 pub fn parameters_by_name(name: &str) -> Result<&'static [Parameter], LawError> {
-    match name {
-        ExtendedXuNeedleman::NAME => Ok(&ExtendedXuNeedleman::PARAMETERS),
-        XuNeedleman::NAME => Ok(&XuNeedleman::PARAMETERS),
-        Bilinear::BENZEGGAGH_KENANE => Ok(Bilinear::parameters_with(MixedModeCriterion::BenzeggaghKenane)),
-        Bilinear::POWER => Ok(Bilinear::parameters_with(MixedModeCriterion::Power)),
-        Trapezoidal::BENZEGGAGH_KENANE => Ok(Trapezoidal::parameters_with(MixedModeCriterion::BenzeggaghKenane)),
-        Trapezoidal::POWER => Ok(Trapezoidal::parameters_with(MixedModeCriterion::Power)),
-        ParkPaulinoRoesler::NAME => Ok(&ParkPaulinoRoesler::PARAMETERS),
-        SmithFerrante::NAME => Ok(&SmithFerrante::PARAMETERS),
-        ExponentialDamage::NAME => Ok(&ExponentialDamage::PARAMETERS),
-        _ => Err(LawError::Unknown { name: name.to_owned() }),
-    }
+    Ok(kind_by_name(name)?.parameters)
 }
 
 /// The law called `name` with the given parameter values, in the order of [`parameters_by_name`].
@@ -252,28 +290,7 @@ pub fn parameters_by_name(name: &str) -> Result<&'static [Parameter], LawError> 
 /// # Errors
 /// No such law, another number of values, a value that is not allowed.
 pub fn law_by_name(name: &str, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
-    match name {
-        ExtendedXuNeedleman::NAME => {
-            let [phi_n, delta_n, delta_t, r] = exactly(ExtendedXuNeedleman::NAME, values)?;
-            Ok(Box::new(ExtendedXuNeedleman::new(phi_n, delta_n, delta_t, r)?))
-        }
-        XuNeedleman::NAME => {
-            let [phi_n, delta_n, delta_t, q, r_star] = exactly(XuNeedleman::NAME, values)?;
-            Ok(Box::new(XuNeedleman::new(phi_n, delta_n, delta_t, q, r_star)?))
-        }
-        Bilinear::BENZEGGAGH_KENANE | Bilinear::POWER => {
-            let criterion = MixedModeCriterion::of_law(name);
-            Ok(Box::new(Bilinear::new(criterion, exactly(Bilinear::name_with(criterion), values)?)?))
-        }
-        Trapezoidal::BENZEGGAGH_KENANE | Trapezoidal::POWER => {
-            let criterion = MixedModeCriterion::of_law(name);
-            Ok(Box::new(Trapezoidal::new(criterion, exactly(Trapezoidal::name_with(criterion), values)?)?))
-        }
-        ParkPaulinoRoesler::NAME => Ok(Box::new(ParkPaulinoRoesler::new(exactly(ParkPaulinoRoesler::NAME, values)?)?)),
-        SmithFerrante::NAME => Ok(Box::new(SmithFerrante::new(exactly(SmithFerrante::NAME, values)?)?)),
-        ExponentialDamage::NAME => Ok(Box::new(ExponentialDamage::new(exactly(ExponentialDamage::NAME, values)?)?)),
-        _ => Err(LawError::Unknown { name: name.to_owned() }),
-    }
+    (kind_by_name(name)?.make)(values)
 }
 
 /// The values as an array of the length that the law needs.

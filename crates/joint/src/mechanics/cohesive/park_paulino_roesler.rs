@@ -3,8 +3,8 @@
 use super::dual::Dual;
 use super::secants::{Secants, answer_by_secants, opening_and_sliding};
 use super::{
-    CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, LawLimit, Parameter, Traction, all_positive,
-    exactly,
+    CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, LawKind, LawLimit, Parameter, Traction,
+    all_positive, exactly,
 };
 
 /// The law called PPR. With `x = D_n/delta_n`, `y = |D_t|/delta_t` and the shape
@@ -72,12 +72,9 @@ impl Mode {
     }
 }
 
-impl ParkPaulinoRoesler {
-    /// Its name in case files.
-    pub const NAME: &'static str = "park-paulino-roesler";
-
-    /// Its parameters.
-    pub const PARAMETERS: [Parameter; 8] = [
+pub(super) static KIND: LawKind = LawKind {
+    name: ParkPaulinoRoesler::NAME,
+    parameters: &[
         Parameter { name: "phi_n", unit: "N/mm", meaning: "work of separation in pure opening" },
         Parameter { name: "phi_t", unit: "N/mm", meaning: "work of separation in pure sliding" },
         Parameter { name: "T_n0", unit: "MPa", meaning: "largest traction in pure opening" },
@@ -86,7 +83,13 @@ impl ParkPaulinoRoesler {
         Parameter { name: "beta", unit: "1", meaning: "shape of the softening in sliding: 2 straight, more concave" },
         Parameter { name: "lambda_n", unit: "1", meaning: "opening at the largest traction over that of separation" },
         Parameter { name: "lambda_t", unit: "1", meaning: "sliding at the largest traction over that of separation" },
-    ];
+    ],
+    make: |values| Ok(Box::new(ParkPaulinoRoesler::new(exactly(ParkPaulinoRoesler::NAME, values)?)?)),
+};
+
+impl ParkPaulinoRoesler {
+    /// Its name in case files.
+    pub const NAME: &'static str = "park-paulino-roesler";
 
     /// The law with the works of separation `phi_n`, `phi_t` (N/mm), the largest tractions `T_n0`, `T_t0` (MPa), the
     /// shapes `alpha`, `beta`, 2 or more, and the shares `lambda_n`, `lambda_t` of the jump at the largest
@@ -96,11 +99,10 @@ impl ParkPaulinoRoesler {
     /// [`LawError::Parameter`] for the first that is not allowed; `alpha lambda_n^2` and `beta lambda_t^2` are less
     /// than one.
     pub fn new(values: [f64; 8]) -> Result<Self, LawError> {
-        all_positive(&Self::PARAMETERS, &values)?;
+        all_positive(KIND.parameters, &values)?;
         for (shape, share) in [(4, 6), (5, 7)] {
-            let refused = |k: usize, needed| {
-                Err(LawError::Parameter { key: Self::PARAMETERS[k].key(), value: values[k], needed })
-            };
+            let refused =
+                |k: usize, needed| Err(LawError::Parameter { key: KIND.parameters[k].key(), value: values[k], needed });
             if values[shape] < 2.0 {
                 return refused(shape, "it must be 2 or more, for the tangent to be bounded at separation");
             }
@@ -142,20 +144,12 @@ impl ParkPaulinoRoesler {
 }
 
 impl CohesiveLaw for ParkPaulinoRoesler {
-    fn name(&self) -> &'static str {
-        Self::NAME
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        &Self::PARAMETERS
+    fn kind(&self) -> &'static LawKind {
+        &KIND
     }
 
     fn values(&self) -> Vec<f64> {
         self.values.to_vec()
-    }
-
-    fn with_values(&self, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
-        Ok(Box::new(Self::new(exactly(Self::NAME, values)?)?))
     }
 
     answer_by_secants!();

@@ -3,7 +3,8 @@
 use super::dual::Dual;
 use super::secants::{Secants, answer_by_secants, opening_and_sliding};
 use super::{
-    CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction, all_positive, exactly,
+    CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, LawKind, Parameter, Traction, all_positive,
+    exactly,
 };
 
 /// One curve for all mixes of the modes. With the effective jump `lambda = sqrt(<D_n>^2 + beta^2 D_t^2)`:
@@ -19,23 +20,26 @@ pub struct SmithFerrante {
     values: [f64; 3],
 }
 
-impl SmithFerrante {
-    /// Its name in case files.
-    pub const NAME: &'static str = "smith-ferrante";
-
-    /// Its parameters.
-    pub const PARAMETERS: [Parameter; 3] = [
+pub(super) static KIND: LawKind = LawKind {
+    name: SmithFerrante::NAME,
+    parameters: &[
         Parameter { name: "G_c", unit: "N/mm", meaning: "work of separation in every mode" },
         Parameter { name: "delta_c", unit: "mm", meaning: "opening at the largest normal traction" },
         Parameter { name: "beta", unit: "1", meaning: "weight of the sliding in the effective jump" },
-    ];
+    ],
+    make: |values| Ok(Box::new(SmithFerrante::new(exactly(SmithFerrante::NAME, values)?)?)),
+};
+
+impl SmithFerrante {
+    /// Its name in case files.
+    pub const NAME: &'static str = "smith-ferrante";
 
     /// The law with `G_c` (N/mm), `delta_c` (mm) and `beta`, all positive.
     ///
     /// # Errors
     /// [`LawError::Parameter`] for the first that is not.
     pub fn new(values: [f64; 3]) -> Result<Self, LawError> {
-        all_positive(&Self::PARAMETERS, &values)?;
+        all_positive(KIND.parameters, &values)?;
         Ok(Self { values })
     }
 
@@ -62,20 +66,12 @@ pub(super) fn exponential_stiffness(values: [f64; 3], jump: Jump) -> [Dual<5>; 2
 }
 
 impl CohesiveLaw for SmithFerrante {
-    fn name(&self) -> &'static str {
-        Self::NAME
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        &Self::PARAMETERS
+    fn kind(&self) -> &'static LawKind {
+        &KIND
     }
 
     fn values(&self) -> Vec<f64> {
         self.values.to_vec()
-    }
-
-    fn with_values(&self, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
-        Ok(Box::new(Self::new(exactly(Self::NAME, values)?)?))
     }
 
     answer_by_secants!();

@@ -1,6 +1,6 @@
 //! Faces of a crack: they press on each other where they meet, without friction, and hold nothing else.
 
-use super::{CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction};
+use super::{CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawKind, Traction};
 use nalgebra::Matrix2;
 
 /// What is left of a law in a crack: its normal traction in compression.
@@ -15,21 +15,13 @@ impl Touching<'_> {
 }
 
 impl CohesiveLaw for Touching<'_> {
-    fn name(&self) -> &'static str {
-        self.0.name()
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        self.0.parameters()
+    /// That of the law itself, uncracked.
+    fn kind(&self) -> &'static LawKind {
+        self.0.kind()
     }
 
     fn values(&self) -> Vec<f64> {
         self.0.values()
-    }
-
-    /// The law itself, uncracked.
-    fn with_values(&self, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
-        self.0.with_values(values)
     }
 
     fn response(&self, jump: Jump) -> CohesiveResponse {

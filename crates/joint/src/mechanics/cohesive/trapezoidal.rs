@@ -2,10 +2,12 @@
 //! of Camanho and Davila (2002), holonomic and with rounded corners.
 
 use super::dual::Dual;
-use super::mixed_mode;
-use super::mixed_mode::{Corners, MixedModeCriterion, check, onset_and_toughness, rise_and_fall, table};
+use super::mixed_mode::{self, Corners, MixedModeCriterion, check, onset_and_toughness, rise_and_fall, table};
 use super::secants::{Secants, answer_by_secants};
-use super::{CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, LawLimit, Parameter, Traction};
+use super::{
+    CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, LawKind, LawLimit, Parameter, Traction, exactly,
+    variables,
+};
 
 const fn with_plateau(criterion: MixedModeCriterion) -> [Parameter; 7] {
     let [a, b, c, d, e, f] = table(criterion);
@@ -20,9 +22,6 @@ const fn with_plateau(criterion: MixedModeCriterion) -> [Parameter; 7] {
     ]
 }
 
-static BENZEGGAGH_KENANE_TABLE: [Parameter; 7] = with_plateau(MixedModeCriterion::BenzeggaghKenane);
-static POWER_TABLE: [Parameter; 7] = with_plateau(MixedModeCriterion::Power);
-
 /// The trapezoidal law. With `lambda = sqrt(<D_n>^2 + D_t^2)` the traction, which points along the jump, grows as
 /// `K lambda` up to the onset `lambda_0` of the bilinear law, stays up to `lambda_p = lambda_0 + s (lambda_f -
 /// lambda_0)`, `s` the parameter `plateau`, and falls linearly to zero at `lambda_f`, where the work is the toughness
@@ -35,6 +34,19 @@ pub struct Trapezoidal {
     values: [f64; 7],
 }
 
+pub(super) static KINDS: [LawKind; 2] = [
+    LawKind {
+        name: Trapezoidal::BENZEGGAGH_KENANE,
+        parameters: &with_plateau(MixedModeCriterion::BenzeggaghKenane),
+        make: |values| Trapezoidal::boxed(MixedModeCriterion::BenzeggaghKenane, values),
+    },
+    LawKind {
+        name: Trapezoidal::POWER,
+        parameters: &with_plateau(MixedModeCriterion::Power),
+        make: |values| Trapezoidal::boxed(MixedModeCriterion::Power, values),
+    },
+];
+
 /// Jump and parameters.
 type Number = Dual<9>;
 
@@ -44,16 +56,6 @@ impl Trapezoidal {
     /// Name of the law with the power criterion.
     pub const POWER: &'static str = "trapezoidal-power";
 
-    /// Its name with a criterion.
-    pub(super) const fn name_with(criterion: MixedModeCriterion) -> &'static str {
-        criterion.of([Self::BENZEGGAGH_KENANE, Self::POWER])
-    }
-
-    /// Its parameters with a criterion.
-    pub(super) const fn parameters_with(criterion: MixedModeCriterion) -> &'static [Parameter] {
-        criterion.of([&BENZEGGAGH_KENANE_TABLE, &POWER_TABLE])
-    }
-
     /// The law with `K` (MPa/mm), `T_n0`, `T_t0` (MPa), `G_Ic`, `G_IIc` (N/mm), all positive, `eta`, 1 or more, and the
     /// share `plateau` of what follows the rise, zero or
     /// more and below one.
@@ -61,7 +63,7 @@ impl Trapezoidal {
     /// # Errors
     /// [`LawError::Parameter`] for the first that is not allowed; nor may the falling branch vanish.
     pub fn new(criterion: MixedModeCriterion, values: [f64; 7]) -> Result<Self, LawError> {
-        let parameters = Self::parameters_with(criterion);
+        let parameters = KINDS[criterion as usize].parameters;
         if !(0.0..1.0).contains(&values[6]) {
             let needed = "it must be zero or more, and below one";
             return Err(LawError::Parameter { key: parameters[6].key(), value: values[6], needed });
@@ -71,13 +73,17 @@ impl Trapezoidal {
         Ok(law)
     }
 
+    fn boxed(criterion: MixedModeCriterion, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
+        Ok(Box::new(Self::new(criterion, exactly(KINDS[criterion as usize].name, values)?)?))
+    }
+
     fn corners(&self, c_n: f64, c_t: f64) -> [f64; 3] {
         let shares = [c_n, c_t].map(|c| Number::constant(c * c));
         corners(self.criterion, self.values.map(Number::constant), shares).map(|corner| corner.value)
     }
 
     fn secants(&self, jump: Jump) -> Secants<9> {
-        let numbers: [Number; 7] = super::variables(self.values);
+        let numbers: [Number; 7] = variables(self.values);
         rise_and_fall(jump, numbers[0], |shares| {
             let [onset, plateau, end] = corners(self.criterion, numbers, shares);
             Corners { onset, plateau: Some(plateau), end }
@@ -94,20 +100,12 @@ fn corners(criterion: MixedModeCriterion, values: [Number; 7], shares: [Number; 
 }
 
 impl CohesiveLaw for Trapezoidal {
-    fn name(&self) -> &'static str {
-        Self::name_with(self.criterion)
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        Self::parameters_with(self.criterion)
+    fn kind(&self) -> &'static LawKind {
+        &KINDS[self.criterion as usize]
     }
 
     fn values(&self) -> Vec<f64> {
         self.values.to_vec()
-    }
-
-    fn with_values(&self, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
-        Ok(Box::new(Self::new(self.criterion, super::exactly(self.name(), values)?)?))
     }
 
     answer_by_secants!();
@@ -129,7 +127,7 @@ impl CohesiveLaw for Trapezoidal {
     }
 
     fn limits(&self) -> Vec<LawLimit> {
-        let [stiffness, t_n0, t_t0, g_ic, g_iic, eta, plateau] = super::variables::<7, 9>(self.values);
+        let [stiffness, t_n0, t_t0, g_ic, g_iic, eta, plateau] = variables::<7, 9>(self.values);
         mixed_mode::limits(self.criterion, [stiffness, t_n0, t_t0, g_ic, g_iic, eta], Some(plateau))
     }
 

@@ -2,7 +2,8 @@
 
 use super::dual::Dual;
 use super::{
-    CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction, all_positive, exactly,
+    CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, LawKind, Parameter, Traction, all_positive,
+    exactly,
 };
 use nalgebra::Matrix2;
 
@@ -28,12 +29,9 @@ pub struct XuNeedleman {
 /// Jump and parameters.
 type Number = Dual<7>;
 
-impl XuNeedleman {
-    /// Its name in case files.
-    pub const NAME: &'static str = "xu-needleman";
-
-    /// Its parameters.
-    pub const PARAMETERS: [Parameter; 5] = [
+pub(super) static KIND: LawKind = LawKind {
+    name: XuNeedleman::NAME,
+    parameters: &[
         Parameter { name: "phi_n", unit: "N/mm", meaning: "work of separation in pure opening" },
         Parameter { name: "delta_n", unit: "mm", meaning: "opening at the largest normal traction" },
         Parameter {
@@ -43,15 +41,24 @@ impl XuNeedleman {
         },
         Parameter { name: "q", unit: "1", meaning: "work of separation in pure sliding over phi_n" },
         Parameter { name: "r_star", unit: "1", meaning: "normal jump after complete sliding at T_n = 0, over delta_n" },
-    ];
+    ],
+    make: |values| {
+        let [phi_n, delta_n, delta_t, q, r_star] = exactly(XuNeedleman::NAME, values)?;
+        Ok(Box::new(XuNeedleman::new(phi_n, delta_n, delta_t, q, r_star)?))
+    },
+};
+
+impl XuNeedleman {
+    /// Its name in case files.
+    pub const NAME: &'static str = "xu-needleman";
 
     /// The law with `phi_n` (N/mm), `delta_n`, `delta_t` (mm), `q` all positive, and `r_star`, zero or more but not 1.
     ///
     /// # Errors
     /// [`LawError::Parameter`] for the first that is not.
     pub fn new(phi_n: f64, delta_n: f64, delta_t: f64, q: f64, r_star: f64) -> Result<Self, LawError> {
-        all_positive(&Self::PARAMETERS[..4], &[phi_n, delta_n, delta_t, q])?;
-        let key = Self::PARAMETERS[4].key();
+        all_positive(&KIND.parameters[..4], &[phi_n, delta_n, delta_t, q])?;
+        let key = KIND.parameters[4].key();
         if !(r_star.is_finite() && r_star >= 0.0) {
             return Err(LawError::Parameter { key, value: r_star, needed: "it must be a finite number, zero or more" });
         }
@@ -79,21 +86,12 @@ impl XuNeedleman {
 }
 
 impl CohesiveLaw for XuNeedleman {
-    fn name(&self) -> &'static str {
-        Self::NAME
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        &Self::PARAMETERS
+    fn kind(&self) -> &'static LawKind {
+        &KIND
     }
 
     fn values(&self) -> Vec<f64> {
         vec![self.phi_n, self.delta_n, self.delta_t, self.q, self.r_star]
-    }
-
-    fn with_values(&self, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
-        let [phi_n, delta_n, delta_t, q, r_star] = exactly(Self::NAME, values)?;
-        Ok(Box::new(Self::new(phi_n, delta_n, delta_t, q, r_star)?))
     }
 
     fn response(&self, jump: Jump) -> CohesiveResponse {
@@ -106,7 +104,7 @@ impl CohesiveLaw for XuNeedleman {
 
     fn by_parameters(&self, jump: Jump, derivatives: &mut [Traction]) {
         let [normal, tangential] = self.evaluate(jump);
-        assert_eq!(derivatives.len(), Self::PARAMETERS.len(), "one derivative per parameter");
+        assert_eq!(derivatives.len(), KIND.parameters.len(), "one derivative per parameter");
         for (k, derivative) in derivatives.iter_mut().enumerate() {
             *derivative = Traction { normal: normal.by[2 + k], tangential: tangential.by[2 + k] };
         }

@@ -152,17 +152,13 @@ impl Interface {
             }
         }
         let b = still + Vector2::new(-d[1], d[0]) * line.turn.transpose();
-        let jump = d - point.offset;
-        Turned { jump: Jump { normal: jump[0], tangential: jump[1] }, b, d, still }
+        Turned { jump: Jump::from(d - point.offset), b, d, still }
     }
 
     /// Calls `each` with every quadrature point, the jump there under `u`, and its derivative by `u`.
     fn for_each(&self, u: &ElementVector, mut each: impl FnMut(&InterfacePoint, Jump, &Slopes)) {
         if self.kinematics.is_small() {
-            for point in &self.points {
-                let jump = point.b * u;
-                each(point, Jump { normal: jump[0], tangential: jump[1] }, &point.b);
-            }
+            self.points.iter().for_each(|point| each(point, Jump::from(point.b * u), &point.b));
             return;
         }
         let places = self.places(u);
@@ -176,8 +172,7 @@ impl Interface {
     /// The jump at `point`, one of this element, under the nodal displacements `u` (mm).
     pub fn jump(&self, point: &InterfacePoint, u: &ElementVector) -> Jump {
         if self.kinematics.is_small() {
-            let jump = point.b * u;
-            return Jump { normal: jump[0], tangential: jump[1] };
+            return Jump::from(point.b * u);
         }
         let places = self.places(u);
         Self::turned(point, &places, &Self::mid_line(&places)).jump
@@ -185,13 +180,11 @@ impl Interface {
 
     /// Its change with a change `by` of the displacements, to first order.
     pub fn jump_change(&self, point: &InterfacePoint, u: &ElementVector, by: &ElementVector) -> Jump {
-        let change = if self.kinematics.is_small() {
-            point.b * by
-        } else {
-            let places = self.places(u);
-            Self::turned(point, &places, &Self::mid_line(&places)).b * by
-        };
-        Jump { normal: change[0], tangential: change[1] }
+        if self.kinematics.is_small() {
+            return Jump::from(point.b * by);
+        }
+        let places = self.places(u);
+        Jump::from(Self::turned(point, &places, &Self::mid_line(&places)).b * by)
     }
 
     /// The quadrature points.

@@ -2,8 +2,7 @@
 
 use super::{Model, Work};
 use crate::mechanics::element::{ElementStiffness, ElementVector};
-use crate::mechanics::supports::{BlockMotion, RigidBlock};
-use crate::mechanics::tied::{NONE, TiedBlock};
+use crate::mechanics::{BlockMotion, NONE, RigidBlock, TiedBlock};
 
 impl Model {
     /// `-K_fD du_D` for displacements `du` that are zero at the free nodes: the forces that moving the border
@@ -153,9 +152,6 @@ impl Model {
 
     /// Displacement of the point of each rigid block under the displacements `u`, mm, in the order of
     /// [`Supports::blocks`](crate::mechanics::Supports).
-    ///
-    /// # Panics
-    /// When `u` has not one displacement per node.
     pub fn block_displacements(&self, u: &[[f64; 2]]) -> Vec<[f64; 2]> {
         self.motions(u).into_iter().map(|motion| motion.point).collect()
     }

@@ -9,18 +9,12 @@ use rayon::prelude::*;
 impl Model {
     /// The jump at each node pair ([`JointMesh::pairs`](crate::mechanics::JointMesh::pairs)), mm: where two elements
     /// meet, the mean of theirs by length.
-    ///
-    /// # Panics
-    /// When `u` has not one displacement per node.
     pub fn jumps(&self, u: &[[f64; 2]]) -> Vec<Jump> {
         self.means_of_ends(|element, interface, end| interface.jump(end, &self.gather(element, u)))
     }
 
     /// The change of the jump at each node pair, to first order, where the displacements `u` change by `by`; where
     /// rotations are small that is the jump of `by`.
-    ///
-    /// # Panics
-    /// When `u` or `by` has not one displacement per node.
     pub fn jump_changes(&self, u: &[[f64; 2]], by: &[[f64; 2]]) -> Vec<Jump> {
         self.means_of_ends(|element, interface, end| {
             interface.jump_change(end, &self.gather(element, u), &self.gather(element, by))
@@ -40,9 +34,6 @@ impl Model {
     }
 
     /// The traction at each node pair, MPa.
-    ///
-    /// # Panics
-    /// When `u` has not one displacement per node.
     pub fn tractions(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]]) -> Vec<Traction> {
         let touching = Touching(law);
         let of = |(jump, cracked)| if cracked { touching.response(jump) } else { law.response(jump) }.traction;
@@ -130,9 +121,6 @@ impl Model {
 
     /// The stress at the four Gauss points of each element, MPa, in the order (-,-), (+,-), (+,+), (-,+); with finite
     /// rotations the second Piola-Kirchhoff stress, in the axes of the body at rest.
-    ///
-    /// # Panics
-    /// When `u` has not one displacement per node.
     pub fn stresses(&self, u: &[[f64; 2]]) -> Vec<[Stress; 4]> {
         let stresses = |(element, quad): (usize, &Q4)| {
             let u = self.gather(element, u);
@@ -142,9 +130,6 @@ impl Model {
     }
 
     /// Equivalent stress (MPa) and plastic strain at the four Gauss points of each element.
-    ///
-    /// # Panics
-    /// When `u` has not one displacement per node.
     pub fn states(&self, u: &[[f64; 2]]) -> Vec<[SubstrateState; 4]> {
         let states = |(element, quad): (usize, &Q4)| {
             let u = self.gather(element, u);
@@ -154,9 +139,6 @@ impl Model {
     }
 
     /// The internal force at every node, N/mm: at prescribed nodes the reaction, at the others the residual.
-    ///
-    /// # Panics
-    /// When `u` has not one displacement per node.
     pub fn forces(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let mut work = self.work();
         self.evaluate_force(law, u, &mut work);
@@ -165,9 +147,6 @@ impl Model {
 
     /// Where, along the joint from the first pair (mm), the normal jump passes the law's front opening: the
     /// crack front (THEORY 9), interpolated. Of several the first; `None` where none is.
-    ///
-    /// # Panics
-    /// When `u` has not one displacement per node.
     pub fn crack_front(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]]) -> Option<f64> {
         let (jumps, positions, opening) = (self.jumps(u), self.pair_positions(), law.front_opening());
         let rest = |k: usize| jumps[k].normal - opening;

@@ -4,15 +4,12 @@ mod border;
 mod fields;
 mod order;
 
-use super::boundary::BoundaryHistory;
 use super::cohesive::{CohesiveLaw, Jump, Touching};
-use super::element::{ElementStiffness, ElementVector, Interface, Kinematics, Q4, Quadrature};
-use super::error::ModelError;
+use super::element::{ElementStiffness, ElementVector, Interface, Q4};
 use super::held::check;
-use super::joint::JointMesh;
 use super::substrate::SubstrateLaw;
-use super::supports::{RigidBlock, Supports};
-use super::tied::{NONE, Tied, TiedBlock};
+use super::tied::Tied;
+use super::{BoundaryHistory, JointMesh, Kinematics, ModelError, NONE, Quadrature, RigidBlock, Supports, TiedBlock};
 use crate::linalg::{LuChoice, LuFactor, LuPlan, SparseMatrix, SparsePattern};
 use nalgebra::Vector2;
 use order::banded_order;
@@ -36,6 +33,9 @@ pub struct ModelOptions {
 
 /// A joint with its materials and its prescribed nodes: everything that stays when the adhesive's law and the
 /// prescribed values change. Strips have unit thickness, so that forces are in N/mm.
+///
+/// # Panics
+/// Its methods, when a field (`u`, `by`) has not one displacement per node.
 #[derive(Debug)]
 pub struct Model {
     mesh: JointMesh,
@@ -166,6 +166,23 @@ impl Numbering {
     }
 }
 
+/// Adds the forces at the nodes of an element.
+fn add_at(corners: &[u32; 4], force: &ElementVector, sum: &mut [[f64; 2]]) {
+    for (k, &node) in corners.iter().enumerate() {
+        sum[node as usize][0] += force[2 * k];
+        sum[node as usize][1] += force[2 * k + 1];
+    }
+}
+
+/// Where the unknowns of `owners` lie, mm.
+fn positions_of(owners: &[(u32, u8)], mesh: &JointMesh, blocks: &[TiedBlock]) -> Vec<[f64; 2]> {
+    let at = |&(id, _): &(u32, u8)| match (id as usize).checked_sub(mesh.nodes().len()) {
+        Some(block) => blocks[block].centre,
+        None => mesh.nodes()[id as usize],
+    };
+    owners.iter().map(at).collect()
+}
+
 /// Finds where each entry of the stiffness of an element with these `unknowns` at its corners goes, column by column.
 fn places_of(unknowns: [[u32; 2]; 4], pattern: &SparsePattern) -> [u32; 64] {
     let mut places = [NONE; 64];
@@ -260,7 +277,6 @@ impl Model {
         supports: Supports,
         options: ModelOptions,
     ) -> Result<Self, ModelError> {
-        let n_nodes = mesh.nodes().len();
         if materials.len() != mesh.groups().len() {
             return Err(ModelError::Materials { needed: mesh.groups().len(), given: materials.len() });
         }
@@ -298,11 +314,7 @@ impl Model {
                 held && free
             })
             .collect();
-        let owner_at = |&(id, _): &(u32, u8)| match (id as usize).checked_sub(n_nodes) {
-            Some(block) => blocks[block].centre,
-            None => mesh.nodes()[id as usize],
-        };
-        let plan = LuPlan::new(&pattern, &owners.iter().map(owner_at).collect::<Vec<_>>(), options.solver);
+        let plan = LuPlan::new(&pattern, &positions_of(&owners, &mesh, &blocks), options.solver);
         Ok(Self {
             mesh,
             materials,
@@ -364,11 +376,7 @@ impl Model {
 
     /// Where each unknown lies, mm.
     pub fn unknown_positions(&self) -> Vec<[f64; 2]> {
-        let at = |&(id, _): &(u32, u8)| match (id as usize).checked_sub(self.mesh.nodes().len()) {
-            Some(block) => self.blocks[block].centre,
-            None => self.mesh.nodes()[id as usize],
-        };
-        self.owners.iter().map(at).collect()
+        positions_of(&self.owners, &self.mesh, &self.blocks)
     }
 
     /// Which factor of the tangent is made: `banded`, `sparse`, ....
@@ -407,12 +415,7 @@ impl Model {
     /// Adds up the nodal forces of all elements, in their order.
     fn add_up(&self, forces: &[ElementVector], sum: &mut [[f64; 2]]) {
         sum.fill([0.0; 2]);
-        for (corners, force) in self.corners.iter().zip(forces) {
-            for (k, &node) in corners.iter().enumerate() {
-                sum[node as usize][0] += force[2 * k];
-                sum[node as usize][1] += force[2 * k + 1];
-            }
-        }
+        self.corners.iter().zip(forces).for_each(|(corners, force)| add_at(corners, force, sum));
     }
 
     /// Takes the external forces off `work.force`.
@@ -603,12 +606,7 @@ impl Model {
     }
 
     fn add_each(&self, element: usize, forces: &[ElementVector], sums: &mut [Vec<[f64; 2]>]) {
-        for (force, sum) in forces.iter().zip(sums) {
-            for (k, &node) in self.corners[element].iter().enumerate() {
-                sum[node as usize][0] += force[2 * k];
-                sum[node as usize][1] += force[2 * k + 1];
-            }
-        }
+        forces.iter().zip(sums).for_each(|(force, sum)| add_at(&self.corners[element], force, sum));
     }
 
     /// Nodes of every element, those of the interface last.

@@ -2,7 +2,7 @@
 
 use super::{
     EngineeringStrain, Parameter, PlaneState, Stress, SubstrateEnergy, SubstrateError, SubstrateLaw, SubstrateResponse,
-    SubstrateState, SubstrateStiffness, check_elastic, exactly, isotropic,
+    SubstrateState, SubstrateStiffness, check_elastic, elastic_energy, elastic_state, exactly, isotropic,
 };
 
 /// `stress = D strain` with Young's modulus `E` and Poisson's ratio `nu`.
@@ -102,23 +102,16 @@ impl SubstrateLaw for LinearElastic {
     }
 
     fn state(&self, strain: EngineeringStrain) -> SubstrateState {
-        let Stress([x, y, shear]) = self.stress(strain);
+        let stress = self.stress(strain);
         let z = match self.plane {
             PlaneState::PlaneStress => 0.0,
-            PlaneState::PlaneStrain => self.nu * (x + y),
+            PlaneState::PlaneStrain => self.nu * (stress.0[0] + stress.0[1]),
         };
-        let squares = (x - y).powi(2) + (y - z).powi(2) + (z - x).powi(2);
-        SubstrateState { equivalent_stress: (0.5 * squares + 3.0 * shear * shear).sqrt(), plastic_strain: 0.0 }
+        elastic_state(stress, z)
     }
 
     fn energy(&self, strain: EngineeringStrain) -> SubstrateEnergy {
-        let Stress([x, y, shear]) = self.stress(strain);
-        let whole = x * strain.xx + y * strain.yy + shear * strain.gamma_xy;
-        SubstrateEnergy { elastic: 0.5 * whole, plastic: 0.0 }
-    }
-
-    fn yield_strain(&self) -> Option<f64> {
-        None
+        elastic_energy(self.stress(strain), strain)
     }
 
     fn young(&self) -> f64 {

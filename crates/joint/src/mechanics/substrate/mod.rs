@@ -99,7 +99,9 @@ pub trait SubstrateLaw: Debug + Send + Sync {
     fn energy(&self, strain: EngineeringStrain) -> SubstrateEnergy;
 
     /// Strain at which the material yields, if it does: what rotations of the strips are measured by.
-    fn yield_strain(&self) -> Option<f64>;
+    fn yield_strain(&self) -> Option<f64> {
+        None
+    }
 
     /// Young's modulus, MPa; of several the largest.
     fn young(&self) -> f64;
@@ -185,6 +187,17 @@ pub fn substrate_by_name(
         Tabulated::NAME => Ok(Box::new(Tabulated::new(exactly(Tabulated::NAME, values)?, &[], plane)?)),
         _ => Err(SubstrateError::Unknown { name: name.to_owned() }),
     }
+}
+
+/// The energy of an elastic material under `stress`.
+fn elastic_energy(Stress([x, y, shear]): Stress, strain: EngineeringStrain) -> SubstrateEnergy {
+    SubstrateEnergy { elastic: 0.5 * (x * strain.xx + y * strain.yy + shear * strain.gamma_xy), plastic: 0.0 }
+}
+
+/// How far an elastic material is from yielding under `stress` and `z` out of the plane, MPa.
+fn elastic_state(Stress([x, y, shear]): Stress, z: f64) -> SubstrateState {
+    let squares = (x - y).powi(2) + (y - z).powi(2) + (z - x).powi(2);
+    SubstrateState { equivalent_stress: (0.5 * squares + 3.0 * shear * shear).sqrt(), plastic_strain: 0.0 }
 }
 
 /// The values as an array of the length that the law needs.

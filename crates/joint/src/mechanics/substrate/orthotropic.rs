@@ -2,7 +2,7 @@
 
 use super::{
     EngineeringStrain, Parameter, PlaneState, Stress, SubstrateEnergy, SubstrateError, SubstrateLaw, SubstrateResponse,
-    SubstrateState, SubstrateStiffness, check_positive, exactly,
+    SubstrateState, SubstrateStiffness, check_positive, elastic_energy, elastic_state, exactly,
 };
 use nalgebra::Matrix3;
 
@@ -107,7 +107,6 @@ impl Orthotropic {
         Ok(Self { values: values.to_vec(), plane, stiffness, by: all })
     }
 
-    /// Stress out of the plane.
     fn out_of_plane(&self, Stress([x, y, shear]): Stress) -> f64 {
         if self.plane == PlaneState::PlaneStress {
             return 0.0;
@@ -251,19 +250,11 @@ impl SubstrateLaw for Orthotropic {
 
     fn state(&self, strain: EngineeringStrain) -> SubstrateState {
         let stress = self.stress(strain);
-        let (Stress([x, y, shear]), z) = (stress, self.out_of_plane(stress));
-        let squares = (x - y).powi(2) + (y - z).powi(2) + (z - x).powi(2);
-        SubstrateState { equivalent_stress: (0.5 * squares + 3.0 * shear * shear).sqrt(), plastic_strain: 0.0 }
+        elastic_state(stress, self.out_of_plane(stress))
     }
 
     fn energy(&self, strain: EngineeringStrain) -> SubstrateEnergy {
-        let Stress([x, y, shear]) = self.stress(strain);
-        let whole = x * strain.xx + y * strain.yy + shear * strain.gamma_xy;
-        SubstrateEnergy { elastic: 0.5 * whole, plastic: 0.0 }
-    }
-
-    fn yield_strain(&self) -> Option<f64> {
-        None
+        elastic_energy(self.stress(strain), strain)
     }
 
     fn young(&self) -> f64 {

@@ -140,7 +140,6 @@ impl RambergOsgood {
         })
     }
 
-    /// Everything at a strain.
     fn point(&self, strain: EngineeringStrain) -> Point {
         let [point] = self.points(&[strain]);
         point
