@@ -17,7 +17,7 @@ mod combined;
 pub use crate::io::case::{Discretisation, Intervals, WeightKind};
 pub use cases::case::Case;
 pub use cases::error::FitError;
-pub use cases::options::{FitOptions, RotationCheck};
+pub use cases::options::FitOptions;
 pub use cases::uncertainties::{
     DEFAULT_ALPHA, DEFAULT_ANGLE, DEFAULT_E, DEFAULT_FACE_PX, DEFAULT_LAW, DEFAULT_NOISE, DEFAULT_NU,
     DEFAULT_PIXEL_SIZE, DEFAULT_THICKNESS_PX, DEFAULT_WIDTH, DEFAULT_YIELD,

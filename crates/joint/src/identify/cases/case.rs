@@ -170,7 +170,7 @@ impl<'a> Case<'a> {
             doubt: true,
             release: true,
             other_minima: true,
-            rotations: uncertainties::rotations(table),
+            judge_rotations: uncertainties::judge_rotations(table),
             discretisation: discretisation(table, of_run),
             intervals: table.intervals.unwrap_or_default(),
             bootstrap: bootstrap(table)?,

@@ -3,17 +3,6 @@
 use crate::identify::{Constant, TrustRegionOptions};
 use crate::io::case::{Discretisation, Intervals, WeightKind};
 
-/// What becomes of rotations that a model takes as small.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum RotationCheck {
-    /// Nothing: the data were computed so.
-    Off,
-    /// What finite ones would change is told.
-    Told,
-    /// And where that is more than what is not known, nothing is determined.
-    Judged,
-}
-
 /// How to fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FitOptions {
@@ -44,8 +33,8 @@ pub struct FitOptions {
     /// [has some](crate::mechanics::cohesive::CohesiveLaw::has_own_minima): a lower one is gone on from, and intervals
     /// hold what the objective allows about all of them. A comparison of laws does that by itself.
     pub other_minima: bool,
-    /// What becomes of rotations that are taken as small, where the result is doubted.
-    pub rotations: RotationCheck,
+    /// Whether rotations that are taken as small are judged, where the result is doubted.
+    pub judge_rotations: bool,
 }
 
 impl Default for FitOptions {
@@ -63,7 +52,7 @@ impl Default for FitOptions {
             doubt: true,
             release: true,
             other_minima: true,
-            rotations: RotationCheck::Judged,
+            judge_rotations: true,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! What a case states of the uncertainty of its constants, and the defaults for what it does not state.
 
 use crate::identify::doubt::remarks::uncertainty_unused;
-use crate::identify::{Constant, ConstantKind, Face, FitError, LoadCell, NOISE_LEVEL, RotationCheck, Source, wrong};
+use crate::identify::{Constant, ConstantKind, Face, FitError, LoadCell, NOISE_LEVEL, Source, wrong};
 use crate::io::case::{CaseCohesive, CaseExact, CaseFit, CaseMaterial, CaseMeasurement, CaseSubstrate, EXACT, STD};
 use crate::io::joint::{JointInput, MeasurementInput, MeshInput};
 use crate::mechanics::Joint;
@@ -72,14 +72,10 @@ fn exact_of(section: &'static str, given: Option<&CaseExact>, known: &[&str]) ->
     Ok(exact)
 }
 
-/// What the case says of rotations that are taken as small. That all constants are exact is not that rotations are
-/// small: their cost is told, but does not decide.
-pub(crate) fn rotations(fit: &CaseFit) -> RotationCheck {
-    match &fit.exact {
-        Some(CaseExact::Names(names)) if names.iter().any(|name| name == ROTATIONS) => RotationCheck::Off,
-        Some(CaseExact::All(true)) => RotationCheck::Told,
-        _ => RotationCheck::Judged,
-    }
+/// Whether rotations that are taken as small are to be judged: unless the case names them as exact. That all constants
+/// are exact is not that rotations are small.
+pub(crate) fn judge_rotations(fit: &CaseFit) -> bool {
+    !matches!(&fit.exact, Some(CaseExact::Names(names)) if names.iter().any(|name| name == ROTATIONS))
 }
 
 /// The standard uncertainty under `key`, above zero.

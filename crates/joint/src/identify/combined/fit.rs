@@ -11,7 +11,7 @@ use super::share::{TestShare, shares};
 use super::verdict::{OfTests, verdict};
 use crate::identify::solve::fit::{compare, correlation_of, describe, reasons_unfinished};
 use crate::identify::{
-    CutShort, Evaluation, Fit, FitError, Grounds, LARGEST_STD, Misfit, MissingMode, Refined, Released, RotationCheck,
+    CutShort, Evaluation, Fit, FitError, Grounds, LARGEST_STD, Misfit, MissingMode, Refined, Released,
     Rotations, Statistics, Verdict, implausible_result,
 };
 use crate::io::case::Discretisation;
@@ -190,7 +190,7 @@ impl AtEnd<'_> {
     /// What finite rotations would change, where that is asked for: every test moves the parameters of all.
     fn turn(&self) -> Option<Rotations> {
         let Self { tests, known: Known { evaluations, led, .. }, .. } = self;
-        let is_asked = |test: &Searched<'_>| test.problem.is_small() && test.options.rotations != RotationCheck::Off;
+        let is_asked = |test: &Searched<'_>| test.problem.is_small() && test.options.judge_rotations;
         let led = led.as_ref().filter(|_| tests.iter().any(is_asked) && tests[0].options.doubt)?;
         let slopes = tests[0].problem.unknowns.slopes(&evaluations[0].x);
         let mut sum = Some(vec![0.0; slopes.len()]);
@@ -215,8 +215,7 @@ impl AtEnd<'_> {
         let history: Vec<_> = found.stage.history.into_iter().map(|iteration| iteration.unscaled(unknowns)).collect();
         let singular_values = known.sum.singular_values()?;
         let law = unknowns.law_at(&known.evaluations[0].x)?;
-        let is_judged = tests.iter().any(|test| test.options.rotations == RotationCheck::Judged);
-        let verdict = verdict.with_rotations(rotations.as_ref().filter(|_| is_judged), &made.parameters);
+        let verdict = verdict.with_rotations(rotations.as_ref(), &made.parameters);
         let mut statistics = known.led.map(|led| led.statistics.into_iter());
         let mut list = Vec::with_capacity(tests.len());
         for (k, (evaluation, share)) in known.evaluations.into_iter().zip(shares).enumerate() {

@@ -7,7 +7,7 @@ use crate::identify::solve::stage::{at, distance, reweight, run};
 use crate::identify::{
     Axes, Base, Budget, COARSE, ConstantEffect, ConstantKind, End, Ended, Evaluation, FitError, FitOptions, FitStatus,
     Fitted, FittedParameter, FittedQuantity, Grounds, Ingredients, IntervalBasis, Iteration, LARGEST_STD, Local,
-    Misfit, Problem, Refined, Refinement, Released, ReleasedWidth, RotationCheck, Rotations, Stage, StartEnd,
+    Misfit, Problem, Refined, Refinement, Released, ReleasedWidth, Rotations, Stage, StartEnd,
     Statistics, TrustRegionOptions, Unknown, Unknowns, Verdict, Weights, assess, full_weights, implausible_result,
     interval95, other_minima, settle,
 };
@@ -269,7 +269,7 @@ impl Appraisal<'_> {
     fn turn(&self, slopes: &[f64]) -> Option<Rotations> {
         let Self { problem, options, end, .. } = self;
         let statistics = end.statistics.as_ref()?;
-        let wanted = options.doubt && options.rotations != RotationCheck::Off && problem.is_small();
+        let wanted = options.doubt && options.judge_rotations && problem.is_small();
         if !wanted || problem.watch.ended().is_some() {
             return None;
         }
@@ -448,8 +448,7 @@ fn judge(problem: &Problem<'_>, options: &FitOptions, of: &Fit, h: &Dense) -> Ve
             Verdict::new(&of.parameters, &grounds)
         }
     };
-    let judged = of.rotations.as_ref().filter(|_| options.rotations == RotationCheck::Judged);
-    let mut verdict = verdict.with_rotations(judged, &of.parameters);
+    let mut verdict = verdict.with_rotations(of.rotations.as_ref(), &of.parameters);
     if problem.observation.nodes.is_empty() && statistics.is_some() {
         verdict.sentences.push(curve_alone(&of.parameters, &of.derived));
     }
