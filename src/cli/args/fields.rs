@@ -1,21 +1,14 @@
 //! What the commands take that read the fields of a run, and `metrology`.
 
 use super::shared::{Drawn, Quiet, Threads};
-use super::words::megabytes;
-use super::words::pair;
-use super::words::rectangle;
-use super::words::two_zones;
-use crate::cli::frames::Frames;
-use crate::field::RemoveRigid;
-use crate::field::StrainDefinition;
+use super::words::{megabytes, pair, rectangle, two_zones};
+use crate::cli::look::frames::Frames;
+use crate::field::{RemoveRigid, StrainDefinition};
 use crate::imaging::Interpolation;
 use crate::io::case::flags::numbers;
 use crate::io::case::{CaseLoad, CaseQuantityOptions};
-use crate::report::Animated;
-use crate::report::Figure;
-use crate::report::Format;
-use clap::Args;
-use clap::ValueEnum;
+use crate::report::{Animated, Figure, Format};
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
 /// What `quadrille export` makes.

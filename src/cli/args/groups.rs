@@ -1,7 +1,7 @@
 //! The options of a command in groups, and the short help: one screen.
 
 use super::keys::with_defaults;
-use crate::cli::lines::{WIDTH, wrapped};
+use crate::cli::talk::{WIDTH, wrapped};
 use clap::{Arg, ArgAction, Command};
 
 /// Headings of options that are the same matter in every command, where the option itself names none.

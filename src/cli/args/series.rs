@@ -2,15 +2,10 @@
 
 use super::fields::Target;
 use super::shared::Threads;
-use super::words::sbatch_option;
-use super::words::seconds;
-use super::words::slurm_time;
-use super::words::slurm_word;
-use crate::cli::frames::Frames;
+use super::words::{sbatch_option, seconds, slurm_time, slurm_word};
+use crate::cli::look::frames::Frames;
 use crate::run::Request;
-use clap::ArgAction;
-use clap::Args;
-use clap::ValueEnum;
+use clap::{ArgAction, Args, ValueEnum};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
