@@ -29,18 +29,18 @@ mod talk;
 
 use crate::report::Look;
 use crate::run::Outcome;
-use crate::run::words::text::{absolute, chain, plural};
+use crate::run::words::{absolute, chain, plural};
 pub(crate) use about::devices;
 pub use allocator::Allocator;
 use args::{BenchArgs, BenchWhat};
 use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches};
-
-pub(crate) use make::virtual_test;
 use std::error::Error;
 use std::ffi::OsString;
 use std::process::ExitCode;
 use talk::{Paint, wrong_words};
+
+pub(crate) use make::virtual_test;
 
 type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 

@@ -8,7 +8,6 @@ use clap::builder::PossibleValuesParser;
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
-/// Arguments of `quadrille make`.
 #[derive(Debug, Args)]
 #[command(arg_required_else_help = true)]
 #[command(after_help = "Examples:\n  \
@@ -68,7 +67,6 @@ pub enum Bits {
     Float,
 }
 
-/// Arguments of `quadrille make images`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     A pair moved by a quarter pixel, noise of 2 grey levels:\n    \
@@ -163,7 +161,6 @@ pub enum VirtualKinematics {
     Finite,
 }
 
-/// Arguments of `quadrille make virtual-test`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     quadrille make virtual-test --output test && quadrille run test/case.toml --output test/run\n  \
@@ -232,7 +229,6 @@ impl SpecimenName {
     }
 }
 
-/// Arguments of `quadrille make specimen`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     quadrille make specimen dcb --output dcb && quadrille simulate dcb/case.toml --output dcb/out\n\n\
@@ -275,7 +271,6 @@ pub struct SpecimenArgs {
     pub lever: Option<f64>,
 }
 
-/// Arguments of `quadrille make page`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     Draw on the first image of a folder; the case file is for all of them:\n    \
@@ -303,7 +298,6 @@ pub struct PageArgs {
     pub talk: Quiet,
 }
 
-/// Arguments of `quadrille make paper`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  quadrille make paper --output out/paper\n\n\
     It writes table-1 and table-2 as CSV, tables.md, and the figures as PNG and SVG, with their numbers as CSV.\n\n\

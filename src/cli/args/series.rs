@@ -10,7 +10,6 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Arguments of `quadrille correlate`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     Whole image, first file is the reference:\n    \
@@ -35,37 +34,37 @@ use std::time::Duration;
     by Ctrl-C or SIGTERM.")]
 pub struct CorrelateArgs {
     /// A case file (TOML) that says the same; flags win.
-    #[arg(long, value_name = "FILE", help_heading = "Input")]
+    #[arg(long, value_name = "FILE")]
     pub case: Option<PathBuf>,
     /// Folder for the results; made when it is not there.
-    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
+    #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Replace the results of an earlier run in the output folder.
-    #[arg(long, conflicts_with_all = ["resume", "shard"], help_heading = "Output")]
+    #[arg(long, conflicts_with_all = ["resume", "shard"])]
     pub overwrite: bool,
     /// Continue the run in the output folder: do what is missing. This is the default; a run with other options
     /// or images is refused.
-    #[arg(long, hide_short_help = true, help_heading = "Output")]
+    #[arg(long, hide_short_help = true)]
     pub resume: bool,
     /// What wins over the case file.
     #[command(flatten)]
     pub request: Request,
     /// Frames to draw at the end: 1,5-20, last, all. Into DIR/figures; `quadrille figures` draws more of them later.
-    #[arg(long, value_name = "1,5-20|last|all", help_heading = "Output")]
+    #[arg(long, value_name = "1,5-20|last|all")]
     pub figures: Option<Frames>,
     /// Use a graphics device even if it computes other numbers than the CPU, and check none of its frames.
-    #[arg(long, env = "QUADRILLE_TRUST_DEVICE", hide_short_help = true, help_heading = "Machine")]
+    #[arg(long, env = "QUADRILLE_TRUST_DEVICE", hide_short_help = true)]
     pub trust_device: bool,
     #[command(flatten)]
     pub threads: Threads,
     /// Only errors.
-    #[arg(long, short, conflicts_with = "verbose", help_heading = "Messages")]
+    #[arg(long, short, conflicts_with = "verbose")]
     pub quiet: bool,
     /// One line for every frame.
-    #[arg(long, short, help_heading = "Messages")]
+    #[arg(long, short)]
     pub verbose: bool,
     /// How progress is written to stderr: as text, or as one JSON object a line for other programs.
-    #[arg(long, value_name = "text|json", default_value = "text", hide_short_help = true, help_heading = "Messages")]
+    #[arg(long, value_name = "text|json", default_value = "text", hide_short_help = true)]
     pub progress: ProgressKind,
 }
 
@@ -105,13 +104,13 @@ pub struct CorrelateArgs {
 pub struct WatchArgs {
     /// Names of the files that are taken: a quoted glob. Default: those that end like an image (tif, tiff, btf, png,
     /// bmp, jpg, jpeg, pgm, ppm, pnm). Hidden files never are.
-    #[arg(long, value_name = "GLOB", help_heading = "Input")]
+    #[arg(long, value_name = "GLOB")]
     pub pattern: Option<String>,
     /// A file is taken when it has not changed for this long. Give more for network folders, which show changes late.
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "1", help_heading = "Input")]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "1")]
     pub settle: Duration,
     /// End when no file has arrived or changed for this long. Default: run until Ctrl-C.
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, help_heading = "Input")]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub timeout: Option<Duration>,
     /// What is shared with `quadrille correlate`.
     #[command(flatten)]
@@ -127,7 +126,6 @@ pub enum ProgressKind {
     Json,
 }
 
-/// Arguments of `quadrille slurm`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     Eight tasks with four cores each; the printed commands submit them:\n    \
@@ -185,7 +183,6 @@ pub struct SlurmArgs {
     pub overwrite: bool,
 }
 
-/// Arguments of `quadrille status`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     How far a run is, while it runs or after it was stopped:\n    \

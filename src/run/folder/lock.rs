@@ -2,10 +2,9 @@
 //! ends.
 
 use crate::remark::Remark;
-use crate::run::plan::shard::Shard;
-use crate::run::words::error::{Result, RunError};
+use crate::run::plan::Shard;
 use crate::run::words::remarks::no_locks;
-use crate::run::words::text::absolute;
+use crate::run::words::{Result, RunError, absolute};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;

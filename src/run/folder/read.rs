@@ -2,7 +2,7 @@
 
 use crate::io::joint::read_table;
 use crate::mechanics::Joint;
-use crate::run::words::error::{Result, RunError};
+use crate::run::words::{Result, RunError};
 use serde::de::DeserializeOwned;
 use std::fs;
 use std::path::Path;

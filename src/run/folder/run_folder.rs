@@ -4,7 +4,7 @@ use crate::field::{Elements, Measurement, Noise, StrainField};
 use crate::io::case::{CaseFile, parse_case};
 use crate::io::store::{STORE, StoreHeader, StoreWriter, remove_store};
 use crate::io::{csv, vtk};
-use crate::run::words::error::{Result, RunError};
+use crate::run::words::{Result, RunError};
 use crate::units::Px;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};

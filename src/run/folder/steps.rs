@@ -1,8 +1,8 @@
 //! Which steps of a run were done, and with which inputs.
 
-use crate::run::folder::run_folder::RunFolder;
-use crate::run::plan::session::Outcome;
-use crate::run::words::error::{Result, RunError};
+use crate::run::folder::RunFolder;
+use crate::run::plan::Outcome;
+use crate::run::words::{Result, RunError};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;

@@ -2,11 +2,11 @@
 
 use crate::correlate::Correlate;
 use crate::io::store::{Store, StoreHeader, StoreWriter};
-use crate::run::folder::run_folder::RunFolder;
-use crate::run::frames::reference::element_size_px;
-use crate::run::plan::resolved::Plan;
+use crate::run::folder::RunFolder;
+use crate::run::frames::element_size_px;
+use crate::run::plan::Plan;
 use crate::run::plan::run_toml::RunToml;
-use crate::run::words::error::Result;
+use crate::run::words::Result;
 
 /// The store of a run, made, or found and told of frames that have come since, when it is of the `same_run`.
 pub(crate) fn made_or_found(

@@ -7,7 +7,7 @@ use crate::field::Status;
 use crate::imaging::Image;
 use crate::mesh::Zone;
 use crate::remark::Remark;
-use crate::run::words::error::RunError;
+use crate::run::words::RunError;
 use crate::run::words::remarks::{device_failed, device_unprepared, device_wrong, noise_correlated, of_device};
 use rayon::ThreadPool;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};

@@ -6,10 +6,10 @@ use crate::imaging::{Blank, FlatBlocks, Image, Saturation};
 use crate::io::images::{Accepted, ReadError};
 use crate::io::series::Frame;
 use crate::report::summary::FrameSummary;
-use crate::run::folder::kept::Kept;
+use crate::run::folder::Kept;
 use crate::run::frames::relay::Known;
-use crate::run::plan::stop::Stop;
-use crate::run::words::error::Result;
+use crate::run::plan::Stop;
+use crate::run::words::Result;
 use std::sync::Arc;
 use std::time::Duration;
 

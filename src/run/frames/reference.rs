@@ -8,10 +8,9 @@ use crate::io::images::{Accepted, ReadError};
 use crate::io::series::Frame;
 use crate::mesh::{Mesh, MeshError};
 use crate::remark::Remark;
-use crate::run::plan::resolved::Plan;
-use crate::run::words::error::{Result, RunError};
+use crate::run::plan::Plan;
 use crate::run::words::remarks::{of_reference, reference_blurred};
-use crate::run::words::text::chain;
+use crate::run::words::{Result, RunError, chain};
 use crate::units::Px;
 
 /// The reference image, or the mean of several.

@@ -7,14 +7,10 @@ use crate::mechanics::{EnergyOptions, FollowOptions, Followed, ForwardOptions, J
 use crate::remark::Remark;
 use crate::report::joint::{JointReport, JointSummary};
 use crate::report::{ForceRecord, Picture};
-use crate::run::folder::run_folder::{FIGURES, FORCE, J_INTEGRAL, RunFolder};
-use crate::run::plan::session::Outcome;
-use crate::run::plan::stop::Stop;
-use crate::run::words::error::Result;
-use crate::run::words::event::{Event, Watcher};
-use crate::run::words::heard::Heard;
+use crate::run::folder::{FIGURES, FORCE, J_INTEGRAL, RunFolder};
+use crate::run::plan::{Outcome, Stop};
 use crate::run::words::remarks::{figure_missing, path_ended, path_goes_back};
-use crate::run::words::text::absolute;
+use crate::run::words::{Event, Heard, Result, Watcher, absolute};
 use rayon::ThreadPool;
 use std::path::Path;
 use std::time::Instant;

@@ -5,10 +5,9 @@ use crate::imaging::Image;
 use crate::io::case::{CaseCrack, CrackPath, parse_case};
 use crate::io::store::Store;
 use crate::mesh::{Crack, MeshError, Zone};
-use crate::run::frames::reference::about_reference;
-use crate::run::plan::resolved::Plan;
-use crate::run::words::error::Result;
-use crate::run::words::text::{chain, ranges};
+use crate::run::frames::about_reference;
+use crate::run::plan::Plan;
+use crate::run::words::{Result, chain, ranges};
 use std::path::Path;
 use std::sync::Arc;
 

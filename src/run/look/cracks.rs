@@ -3,8 +3,8 @@
 use crate::io::quantities::CrackHistory;
 use crate::report::summary::Summary;
 use crate::report::{CrackSummary, crack_figures};
-use crate::run::folder::run_folder::{FIGURES, RunFolder};
-use crate::run::words::error::{Result, RunError};
+use crate::run::folder::{FIGURES, RunFolder};
+use crate::run::words::{Result, RunError};
 use std::fs;
 
 /// Tells of `cracks` in the summary, and draws them.

@@ -11,10 +11,10 @@ use crate::report::fit::{
 };
 use crate::report::identification::measured_mm;
 use crate::report::view::LawView;
+use crate::run::folder::correlation_in;
 use crate::run::folder::read::{fields, read_json};
-use crate::run::folder::run_folder::correlation_in;
-use crate::run::joint::identification::{FIT, JOINT_SENSITIVITIES, LAW_SENSITIVITIES};
-use crate::run::words::error::Result;
+use crate::run::joint::{FIT, JOINT_SENSITIVITIES, LAW_SENSITIVITIES};
+use crate::run::words::Result;
 use crate::units::{Mm, PixelSize, Px, Vector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::collections::BTreeMap;

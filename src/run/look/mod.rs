@@ -7,3 +7,7 @@ pub(crate) mod fit_of_run;
 pub(crate) mod page;
 pub(crate) mod quantities;
 pub(crate) mod report;
+
+pub use explore::{Explored, ExplorerPage};
+pub(crate) use fit_of_run::off_at;
+pub use fit_of_run::{FitOfRun, Off, model_less_measured};

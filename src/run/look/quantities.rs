@@ -10,7 +10,7 @@ use crate::io::quantities::{QUANTITY_TABLES, QuantitySummary, QuantityTables};
 use crate::io::store::Store;
 use crate::mesh::Mesh;
 use crate::run::folder::record::Record;
-use crate::run::words::error::{Result, RunError};
+use crate::run::words::{Result, RunError};
 use crate::units::{PixelSize, Px};
 use std::collections::BTreeSet;
 use std::fs::{self, File};

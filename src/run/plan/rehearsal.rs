@@ -11,10 +11,9 @@ use crate::io::joint::{
 use crate::io::run_case::RunCase;
 use crate::mesh::PixelMesh;
 use crate::remark::{Code, Remark};
-use crate::run::frames::reference::{Reference, about_reference};
-use crate::run::plan::resolved::Plan;
-use crate::run::plan::zones::Zones;
-use crate::run::words::error::{Result, RunError};
+use crate::run::frames::{Reference, about_reference};
+use crate::run::plan::{Plan, Zones};
+use crate::run::words::{Result, RunError};
 use crate::units::PixelSize;
 
 /// Opening at the last instant of what is made up, by the thickness of the adhesive: enough to be no rigid motion.

@@ -12,11 +12,9 @@ use crate::io::images::{Accepted, pages_of};
 use crate::io::series::{Frame, expand_references, expand_series};
 use crate::io::store::StoreHeader;
 use crate::isa::Isa;
-use crate::run::plan::request::{Export, Request};
 use crate::run::plan::wanted::{resolved_zones, wanted_cracks, wanted_zones};
-use crate::run::plan::which_reference;
-use crate::run::words::error::Result;
-use crate::run::words::text::absolute;
+use crate::run::plan::{Export, Request, which_reference};
+use crate::run::words::{Result, absolute};
 use crate::units::PixelSize;
 use std::path::{Path, PathBuf};
 

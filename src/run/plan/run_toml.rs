@@ -4,8 +4,9 @@ use crate::correlate::Reference;
 use crate::io::case::{CaseFile, CaseImages, write_case};
 use crate::io::series::Frame;
 use crate::report::summary::units;
-use crate::run::plan::resolved::{self as plan, Plan};
-use crate::run::words::text::absolute;
+use crate::run::plan::Plan;
+use crate::run::plan::resolved as plan;
+use crate::run::words::absolute;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

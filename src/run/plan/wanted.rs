@@ -1,8 +1,7 @@
 //! Zones and cracks that a request and a case file ask for together.
 
 use crate::io::case::{CaseCrack, CaseFile, CaseZone, CrackFlags, CrackPath, ZoneFlags, over};
-use crate::run::words::error::Result;
-use crate::run::words::text::absolute;
+use crate::run::words::{Result, absolute};
 use crate::units::PixelSize;
 use std::path::Path;
 

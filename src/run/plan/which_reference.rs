@@ -1,6 +1,6 @@
 //! Which file of a series is the reference, when nobody says: what the names of the files have to say about it.
 
-use crate::run::words::error::RunError;
+use crate::run::words::RunError;
 use std::path::{Path, PathBuf};
 
 /// Words in a name that say it shows the specimen before the test.

@@ -16,7 +16,7 @@ use crate::io::watch::WatchError;
 use crate::mechanics::cohesive::LawError;
 use crate::mechanics::{JointError, ModelError};
 use crate::report::ReportError;
-use crate::run::words::text::chain;
+use crate::run::words::chain;
 use std::path::{Path, PathBuf};
 use std::thread::{Builder, Scope, ScopedJoinHandle};
 

@@ -8,7 +8,7 @@ use crate::imaging::{GreyDepth, Image, Saturation};
 use crate::mechanics::PathEnd;
 use crate::remark::{About, Code, Remark};
 use crate::report::saturated;
-use crate::run::words::text::{chain, plural, ranges};
+use crate::run::words::{chain, plural, ranges};
 use std::path::{Path, PathBuf};
 
 /// Files that are named one by one.

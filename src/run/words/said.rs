@@ -5,8 +5,8 @@ use crate::field::Elements;
 use crate::imaging::{GreyDepth, Image, Saturation};
 use crate::io::store::STORE;
 use crate::report::summary::{ReferenceSummary, Summary, units};
-use crate::run::plan::resolved::{MANY, Plan};
-use crate::run::words::text::{plural, ranges};
+use crate::run::plan::{MANY, Plan};
+use crate::run::words::{plural, ranges};
 use std::collections::BTreeMap;
 
 /// What a run begins with, on one line.
