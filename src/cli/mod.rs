@@ -28,8 +28,8 @@ mod studio;
 mod talk;
 
 use crate::report::Look;
-use crate::run::Outcome;
-use crate::run::words::{absolute, chain, plural};
+use crate::run::words::{absolute, chain, file_name, plural};
+use crate::run::{Outcome, write_file};
 pub(crate) use about::devices;
 pub use allocator::Allocator;
 use args::{BenchArgs, BenchWhat};
@@ -37,6 +37,7 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches};
 use std::error::Error;
 use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
 use talk::{Paint, wrong_words};
 
@@ -57,7 +58,7 @@ pub fn main() -> ExitCode {
 /// version end it.
 pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     signals::end_where_memory_ends();
-    let arguments = args::joined(words);
+    let arguments = args::join_every(words);
     let command = args::grouped(args::Cli::command());
     let parsed = command.clone().try_get_matches_from(&arguments);
     let cli = match parsed.and_then(|matches| args::Cli::from_arg_matches(&matches)) {
@@ -125,11 +126,19 @@ fn run_make(args: &args::MakeArgs) -> Result<Outcome> {
 /// # Errors
 /// What the program says of one that is not.
 pub fn check_line(line: impl IntoIterator<Item = OsString>) -> std::result::Result<(), String> {
-    let arguments = args::joined(line);
+    let arguments = args::join_every(line);
     match args::grouped(args::Cli::command()).try_get_matches_from(&arguments) {
         Err(wrong) if wrong.use_stderr() => Err(wrong_words::in_words(&wrong, &arguments)),
         _ => Ok(()),
     }
+}
+
+/// Writes a file where none of that name is, or `overwrite` allows it.
+fn write_new(path: &Path, content: &str, overwrite: bool) -> Result<()> {
+    if path.exists() && !overwrite {
+        return Err(format!("{}: is there already; replace it with --overwrite", path.display()).into());
+    }
+    Ok(write_file(path, content)?)
 }
 
 /// The list with each item at its first place only.

@@ -45,9 +45,9 @@ pub use folder::restart::is_of_a_restart;
 #[cfg(feature = "cli")]
 pub(crate) use self::{
     folder::lock::{Holder, holders},
-    folder::read::read_json,
+    folder::read::{make_folder, read_json, read_text, write_file},
     folder::record::Record,
     folder::restart::all_frames,
-    folder::run_folder::{About, FIGURES, frame_in_words, locks_in},
+    folder::run_folder::{About, FIGURES, frame_in_words, locks_in, save_picture},
     words::error::shell_word,
 };

@@ -2,7 +2,6 @@
 
 pub(crate) mod devices;
 
-use crate::cli::about::devices;
 use crate::cli::args::{About, AboutArgs, Cli, command_reference, grouped, name_flags};
 use crate::cli::{Outcome, Result, plural};
 use crate::io::case::{case_reference, case_schema};

@@ -15,7 +15,6 @@ use std::path::PathBuf;
     whose first line is\n  \
     #:schema ./case.schema.json")]
 pub struct AboutArgs {
-    /// What about it.
     #[command(subcommand)]
     pub what: About,
 }

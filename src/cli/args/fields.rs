@@ -1,7 +1,7 @@
 //! What the commands take that read the fields of a run, and `metrology`.
 
 use super::shared::{Drawn, Quiet, Threads};
-use super::words::{megabytes, pair, rectangle, two_zones};
+use super::words::{megabytes, two_zones};
 use crate::cli::look::frames::Frames;
 use crate::field::{RemoveRigid, StrainDefinition};
 use crate::imaging::Interpolation;
@@ -81,13 +81,13 @@ pub struct ProbeArgs {
     #[arg(long, value_name = "x,y", value_parser = numbers::<2>, allow_hyphen_values = true)]
     pub point: Vec<[f64; 2]>,
     /// A line, px: the same at points along it. Repeat it for several.
-    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = numbers::<4>, allow_hyphen_values = true)]
     pub line: Vec<[f64; 4]>,
     /// Distance of the points of lines, px. Default: a quarter of the element size.
     #[arg(id = "line.step_px", long = "step", value_name = "PX", allow_hyphen_values = true)]
     pub step: Option<f64>,
     /// An extensometer from one point to another, px: elongation and strain. Repeat it for several.
-    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = numbers::<4>, allow_hyphen_values = true)]
     pub extensometer: Vec<[f64; 4]>,
     /// Average extensometers over gauge lines of this length across their ends, px.
     #[arg(id = "extensometer.width_px", long = "width", value_name = "PX", allow_hyphen_values = true)]
@@ -96,7 +96,6 @@ pub struct ProbeArgs {
     /// first. Repeat it for several.
     #[arg(id = "opening.zones", long = "opening", value_name = "upper,lower", value_parser = two_zones)]
     pub opening: Vec<[String; 2]>,
-    /// The rigid motion that is taken off.
     #[command(flatten)]
     pub options: CaseQuantityOptions,
     /// Definition of the strains. Default: that of the run.
@@ -108,7 +107,6 @@ pub struct ProbeArgs {
     /// What other instruments recorded (CSV, a row per image, or a column of times): joined to every row.
     #[arg(id = "load.file", long = "load", value_name = "FILE")]
     pub load: Option<PathBuf>,
-    /// When its rows and the frames were taken, and on what area the load is.
     #[command(flatten)]
     pub load_options: CaseLoad,
     /// Draw every quantity against each column of the load file, or without one against the frame number, as PNG
@@ -211,14 +209,14 @@ pub struct FiguresArgs {
     #[arg(long, value_name = "png,svg,gif,apng,mp4", value_delimiter = ',', default_value = "png")]
     pub format: Vec<FileKind>,
     /// A line, px: shown in the maps, and each quantity drawn along it with a band of 2 standard uncertainties.
-    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = numbers::<4>, allow_hyphen_values = true)]
     pub line: Option<[f64; 4]>,
     /// Factor on displacements in deformed and register. Default: one that makes them visible; 1 where the
     /// deformed image can be shown.
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
     pub magnify: Option<f64>,
     /// Ends of the colour bars, for all maps drawn. Default: the values of each.
-    #[arg(long, value_name = "low,high", value_parser = pair, allow_hyphen_values = true)]
+    #[arg(long, value_name = "low,high", value_parser = numbers::<2>, allow_hyphen_values = true)]
     pub range: Option<[f64; 2]>,
     /// Definition of the strains. Default: that of the run.
     #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
@@ -299,7 +297,7 @@ pub struct MetrologyArgs {
     #[arg(
         long,
         value_name = "x0,y0,x1,y1",
-        value_parser = rectangle,
+        value_parser = numbers::<4>,
         allow_hyphen_values = true,
         help_heading = "Zones"
     )]

@@ -46,7 +46,6 @@ pub struct CorrelateArgs {
     /// or images is refused.
     #[arg(long, hide_short_help = true)]
     pub resume: bool,
-    /// What wins over the case file.
     #[command(flatten)]
     pub request: Request,
     /// Frames to draw at the end: 1,5-20, last, all. Into DIR/figures; `quadrille figures` draws more of them later.
@@ -112,7 +111,6 @@ pub struct WatchArgs {
     /// End when no file has arrived or changed for this long. Default: run until Ctrl-C.
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub timeout: Option<Duration>,
-    /// What is shared with `quadrille correlate`.
     #[command(flatten)]
     pub correlate: CorrelateArgs,
 }

@@ -18,7 +18,6 @@ pub struct Threads {
 }
 
 impl Threads {
-    /// A pool of so many threads, or of one per core.
     pub fn pool(self) -> Result<ThreadPool> {
         crate::cli::pool(self.threads)
     }

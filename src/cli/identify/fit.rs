@@ -5,18 +5,17 @@ use crate::cli::args::{IdentifyArgs, Prescribed};
 use crate::cli::identify::case::or_stopped;
 use crate::cli::identify::tournament;
 use crate::cli::talk::{Paint, Progress, Talk, WARNING, wrapped};
-use crate::cli::{Outcome, Result, plural, signals};
+use crate::cli::{Outcome, Result, absolute, plural, signals};
 use crate::identify::{Case, Ended, FitStatus, FitWatch, SweepRow, sweep};
 use crate::io::joint::{IdentifyInput, read_identify, read_joint};
 use crate::report::fit::{SweepRecord, write_sweep};
 use crate::report::{Axis, Plot, PlotSeries, Style};
-use crate::run::{Event, FIGURES, RunFolder, identify, identify_several};
+use crate::run::{Event, RunFolder, identify, identify_several};
 use std::time::Instant;
 
 /// Values that are named one by one where some were not fitted; `sweep.json` has them all.
 const MOST_NAMED: usize = 10;
 
-/// Runs `quadrille identify`.
 pub(crate) fn run(args: &IdentifyArgs, paint: Paint) -> Result<Outcome> {
     args.drawn.choose();
     match (&args.sweep, &args.tournament) {
@@ -45,7 +44,6 @@ pub(crate) fn run(args: &IdentifyArgs, paint: Paint) -> Result<Outcome> {
     or_stopped(ran.map(|(_, outcome)| outcome), &stop)
 }
 
-/// Runs `quadrille identify --sweep`.
 fn run_sweep(args: &IdentifyArgs, asked: Option<&Prescribed>) -> Result<Outcome> {
     let mut input = read_joint(&args.case)?;
     if let Some(fit) = &mut input.case.fit {
@@ -54,10 +52,8 @@ fn run_sweep(args: &IdentifyArgs, asked: Option<&Prescribed>) -> Result<Outcome>
     let pool = args.threads.pool()?;
     let joint = Case::joint(&input)?;
     let mut case = Case::new(&joint, &input, &args.case)?;
-    let (index, values) = prescribed(asked, &case)?;
-    let folder = RunFolder::open(&args.results.output, args.results.overwrite)?;
-    folder.clear(false, false)?;
-    folder.make(FIGURES)?;
+    let (index, values) = find_prescribed(asked, &case)?;
+    let folder = RunFolder::for_joint(&args.results.output, args.results.overwrite, false)?;
     let begin = Instant::now();
     let stop = signals::listen()?;
     // One limit for all fits together.
@@ -115,7 +111,7 @@ fn run_sweep(args: &IdentifyArgs, asked: Option<&Prescribed>) -> Result<Outcome>
 }
 
 /// The parameter that is prescribed, by its number, and its values: as given, else those of the case.
-fn prescribed(asked: Option<&Prescribed>, case: &Case<'_>) -> Result<(usize, Vec<f64>)> {
+fn find_prescribed(asked: Option<&Prescribed>, case: &Case<'_>) -> Result<(usize, Vec<f64>)> {
     let Some(Prescribed { name, values }) = asked else {
         let of_case = case.sweep.clone();
         return of_case
@@ -181,8 +177,5 @@ fn draw_sweep(folder: &RunFolder, name: &str, rows: &[SweepRow]) -> Result<()> {
         notes: rows.iter().map(|row| format!("{name} = {}: omega = {:.6e}", row.value, row.fit.omega)).collect(),
         ..Plot::default()
     };
-    let picture = plot.draw()?;
-    let path = folder.path().join(FIGURES);
-    picture.save(path.join("sweep.png"))?;
-    Ok(picture.save(path.join("sweep.svg"))?)
+    Ok(folder.save_figure("sweep", &plot.draw()?)?)
 }

@@ -31,12 +31,13 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
     if targets.contains(&Target::Mat) && !args.split {
         check::<MatWriter<Vec<u8>>>(&store, &numbers, false)?;
     }
-    let folder = RunFolder::for_export(output)?;
-    let mut ticker = Ticker { quiet: args.talk.quiet, last: Instant::now() };
-    for target in &targets {
+    let (folder, split) = (RunFolder::for_export(output)?, args.split);
+    let ticker = Ticker { quiet: args.talk.quiet, last: Instant::now() };
+    let mut export = Export { store: &store, folder, numbers: &numbers, split, ticker };
+    for target in targets {
         match target {
-            Target::Csv | Target::Vtu => by_frame(*target, &store, &about, &folder, &numbers, &mut ticker)?,
-            Target::Npz | Target::Mat => arrays(*target, &store, &folder, &numbers, args.split, &mut ticker)?,
+            Target::Csv | Target::Vtu => export.write_by_frame(target, &about)?,
+            Target::Npz | Target::Mat => export.write_arrays(target)?,
         }
     }
     if !args.talk.quiet {
@@ -48,8 +49,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
         };
         eprintln!("{} exported to {}{left_out}", plural(numbers.len(), "frame"), output.display());
     }
-    let complete = without_field == 0 || !args.frames.are_named();
-    Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
+    Ok(args.frames.outcome(without_field))
 }
 
 /// Says now and then how far a long export is.
@@ -99,71 +99,75 @@ fn refuse_to_replace(args: &ExportArgs, output: &Path, targets: &[Target], numbe
     Ok(())
 }
 
-fn by_frame(
-    target: Target,
-    store: &Store,
-    about: &About,
-    folder: &RunFolder,
-    numbers: &[usize],
-    ticker: &mut Ticker,
-) -> Result<()> {
-    folder.make(ending(target))?;
-    for (done, &number) in numbers.iter().enumerate() {
-        // Both are there: the status was looked at.
-        let (Some(frame), Some(strain)) = (store.frame(number)?, store.strain(number)?) else { continue };
-        let file = frame_in_words(&frame.file, store.reference_frame(number)?.unwrap_or(0));
-        match target {
-            Target::Csv => folder.write_csv(number, about, &file, &frame.measurement, &strain)?,
-            _ => folder.write_vtu(number, about, &file, &frame.measurement, &strain)?,
-        }
-        ticker.tick(ending(target), done + 1, numbers.len());
-    }
-    if target == Target::Vtu {
-        // Those of an earlier call and of the run itself as well: the list is that of the folder.
-        let is_there = |&number: &usize| folder.path().join(name(target, Some(number))).is_file();
-        let listed: Vec<usize> = (1..=store.n_frames()).filter(is_there).collect();
-        folder.write_series(&listed)?;
-    }
-    Ok(())
-}
-
-fn arrays(
-    target: Target,
-    store: &Store,
-    folder: &RunFolder,
-    numbers: &[usize],
+/// A series on its way into files.
+struct Export<'a> {
+    store: &'a Store,
+    folder: RunFolder,
+    numbers: &'a [usize],
+    /// Whether each frame has files of its own.
     split: bool,
-    ticker: &mut Ticker,
-) -> Result<()> {
-    if split {
-        folder.make(ending(target))?;
-    }
-    let files: Vec<(String, &[usize])> = match split {
-        true => numbers.chunks(1).map(|one| (name(target, Some(one[0])), one)).collect(),
-        false => vec![(name(target, None), numbers)],
-    };
-    let n_files = files.len();
-    for (done, (name, numbers)) in files.into_iter().enumerate() {
-        folder.write(&name, |out| {
-            let written = match target {
-                Target::Mat => mat(&mut *out, store, numbers, split, ticker),
-                _ => npz(&mut *out, store, numbers, split, ticker),
-            };
-            written.map_err(io::Error::other)
-        })?;
-        ticker.tick(ending(target), done + 1, n_files);
-    }
-    Ok(())
+    ticker: Ticker,
 }
 
-fn mat<W: Write>(out: W, store: &Store, numbers: &[usize], split: bool, ticker: &mut Ticker) -> Result<()> {
+impl Export<'_> {
+    fn write_by_frame(&mut self, target: Target, about: &About) -> Result<()> {
+        let Self { store, folder, numbers, .. } = self;
+        folder.make(ending(target))?;
+        for (done, &number) in numbers.iter().enumerate() {
+            // Both are there: the status was looked at.
+            let (Some(frame), Some(strain)) = (store.frame(number)?, store.strain(number)?) else { continue };
+            let file = frame_in_words(&frame.file, store.reference_frame(number)?.unwrap_or(0));
+            let tables = [target == Target::Csv, target == Target::Vtu];
+            folder.write_tables(tables, number, about, &file, &frame.measurement, &strain)?;
+            self.ticker.tick(ending(target), done + 1, numbers.len());
+        }
+        if target == Target::Vtu {
+            // Those of an earlier call and of the run itself as well: the list is that of the folder.
+            let is_there = |&number: &usize| folder.path().join(name(target, Some(number))).is_file();
+            let listed: Vec<usize> = (1..=store.n_frames()).filter(is_there).collect();
+            folder.write_series(&listed)?;
+        }
+        Ok(())
+    }
+
+    fn write_arrays(&mut self, target: Target) -> Result<()> {
+        let Self { store, folder, numbers, split, ticker } = self;
+        if *split {
+            folder.make(ending(target))?;
+        }
+        let files: Vec<(String, &[usize])> = match split {
+            true => numbers.chunks(1).map(|one| (name(target, Some(one[0])), one)).collect(),
+            false => vec![(name(target, None), *numbers)],
+        };
+        let n_files = files.len();
+        for (done, (name, numbers)) in files.into_iter().enumerate() {
+            folder.write(&name, |out| {
+                let written = match target {
+                    Target::Mat => write_mat(&mut *out, store, numbers, *split, ticker),
+                    _ => write_npz(&mut *out, store, numbers, *split, ticker),
+                };
+                written.map_err(io::Error::other)
+            })?;
+            ticker.tick(ending(target), done + 1, n_files);
+        }
+        Ok(())
+    }
+}
+
+fn write_mat<W: Write>(out: W, store: &Store, numbers: &[usize], split: bool, ticker: &mut Ticker) -> Result<()> {
     let mut file = MatWriter::new(out, &format!("quadrille {}", store.header().quadrille))?;
     fill(&mut file, store, numbers, split, ticker)?;
     file.finish()?;
     Ok(())
 }
 
-fn npz<W: Write + Seek>(out: W, store: &Store, numbers: &[usize], split: bool, ticker: &mut Ticker) -> Result<()> {
+fn write_npz<W: Write + Seek>(
+    out: W,
+    store: &Store,
+    numbers: &[usize],
+    split: bool,
+    ticker: &mut Ticker,
+) -> Result<()> {
     let mut file = NpzWriter::new(out);
     fill(&mut file, store, numbers, split, ticker)?;
     file.finish()?.flush()?;
@@ -179,14 +183,13 @@ fn shape(store: &Store, variable: Variable, numbers: &[usize], split: bool) -> S
     Shape { frames, rows, components: variable.n_components() }
 }
 
-/// The arrays that the store has.
-fn there(store: &Store) -> impl Iterator<Item = Variable> {
+fn variables_in(store: &Store) -> impl Iterator<Item = Variable> {
     Variable::ALL.into_iter().filter(|&variable| store.has(variable))
 }
 
 /// Whether all arrays fit, before the first is written.
 fn check<F: ArrayFile>(store: &Store, numbers: &[usize], split: bool) -> std::result::Result<(), ArrayFileError> {
-    there(store)
+    variables_in(store)
         .try_for_each(|variable| F::check(variable.name(), variable.number(), shape(store, variable, numbers, split)))
 }
 
@@ -223,7 +226,7 @@ fn fill<F: ArrayFile>(file: &mut F, store: &Store, numbers: &[usize], split: boo
     if !references.is_empty() {
         file.table("reference_frame", 1, &Values::U32(references))?;
     }
-    for variable in there(store) {
+    for variable in variables_in(store) {
         file.begin(variable.name(), variable.number(), shape(store, variable, numbers, split))?;
         for (done, &number) in numbers.iter().enumerate() {
             let values = store.values(number, variable)?;

@@ -1,9 +1,9 @@
 //! `quadrille figures`.
 
 use crate::cli::args::{FiguresArgs, FileKind, StrainPlace};
-use crate::cli::look::animate::{self, Moving};
+use crate::cli::look::animate::write_moving;
 use crate::cli::look::frames::Frames;
-use crate::cli::{Outcome, Result, chain, plural, pool, without_doubles};
+use crate::cli::{Outcome, Result, chain, file_name, plural, pool, without_doubles};
 use crate::field::StrainWindow;
 use crate::imaging::Image;
 use crate::io::images::Accepted;
@@ -36,8 +36,7 @@ pub(crate) fn run(args: &FiguresArgs) -> Result<Outcome> {
     if !moving.is_empty() {
         series.animate(&numbers, &folder, args.threads.threads, &moving)?;
     }
-    let complete = n_without == 0 || !args.frames.are_named();
-    Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
+    Ok(args.frames.outcome(n_without))
 }
 
 /// Draws the usual figures of a run that has just ended.
@@ -130,7 +129,6 @@ impl<'a> RunFigures<'a> {
         Self { store, options, reference, ratio, page, quiet }
     }
 
-    /// Draws the frames.
     fn draw(&self, numbers: &[usize], folder: &Path, threads: Option<usize>) -> Result<()> {
         let done = Mutex::new((0, Instant::now()));
         let one = |&number: &usize| {
@@ -152,45 +150,60 @@ impl<'a> RunFigures<'a> {
         Ok(())
     }
 
-    /// Draws them as files that move.
     fn animate(&self, numbers: &[usize], folder: &Path, threads: Option<usize>, kinds: &[FileKind]) -> Result<()> {
         let pool = pool(threads)?;
-        let measured = |number: usize| -> Result<Option<StoredFrame>> {
-            Ok(self.store.frame(number)?.filter(|frame| frame.measurement.status.has_field()))
-        };
-        let draw = |number: usize, figure: Figure, range: Option<(f64, f64)>| -> Result<Option<Picture>> {
-            let Some(frame) = measured(number)? else { return Ok(None) };
-            let options = FigureOptions { range: range.or(self.options.range), ..self.noted(&frame, number)? };
-            let deformed = if figure == Figure::Deformed { self.deformed(&frame.file) } else { None };
-            let picture =
-                draw_figure(number, &frame.measurement, &self.reference, deformed.as_ref(), figure, &options)?;
-            Ok(Some(picture.with_ratio(self.ratio)))
-        };
-        let ends = |number: usize, figure: Figure| -> Result<Option<[f64; 2]>> {
-            let Some(frame) = measured(number)? else { return Ok(None) };
-            Ok(ends_of(&frame.measurement, &self.reference, figure, &self.options)?)
-        };
-        let moving = Moving { numbers, folder, pool: &pool, range: self.options.range, draw: &draw, ends: &ends };
         let mut files = Vec::new();
         for &figure in &self.options.figures {
-            files.extend(moving.write(figure, kinds)?);
+            let range = match self.options.range {
+                None => pool.install(|| self.common_range(numbers, figure))?,
+                asked => asked,
+            };
+            let one = |&number: &usize| self.draw_moved(number, figure, range);
+            let pictures = pool.install(|| numbers.par_iter().map(one).collect::<Result<Vec<_>>>())?;
+            let pictures: Vec<Picture> = pictures.into_iter().flatten().collect();
+            files.extend(write_moving(&pictures, numbers.len(), (folder, figure), kinds, &pool)?);
         }
         if !self.quiet {
-            eprintln!("{}", animate::said(&files, numbers.len()));
+            let names: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
+            let (n_files, n_frames) = (plural(files.len(), "animation"), plural(numbers.len(), "frame"));
+            eprintln!("{n_files} of {n_frames}: {}", names.join(", "));
         }
         Ok(())
+    }
+
+    fn measured(&self, number: usize) -> Result<Option<StoredFrame>> {
+        Ok(self.store.frame(number)?.filter(|frame| frame.measurement.status.has_field()))
+    }
+
+    fn draw_moved(&self, number: usize, figure: Figure, range: Option<(f64, f64)>) -> Result<Option<Picture>> {
+        let Some(frame) = self.measured(number)? else { return Ok(None) };
+        let options = FigureOptions { range, ..self.noted(&frame, number)? };
+        let deformed = if figure == Figure::Deformed { self.deformed(&frame.file) } else { None };
+        let picture = draw_figure(number, &frame.measurement, &self.reference, deformed.as_ref(), figure, &options)?;
+        Ok(Some(picture.with_ratio(self.ratio)))
+    }
+
+    /// Ends that hold the values of all frames; of a strain the same on both sides of zero.
+    fn common_range(&self, numbers: &[usize], figure: Figure) -> Result<Option<(f64, f64)>> {
+        let ends = |&number: &usize| -> Result<Option<[f64; 2]>> {
+            let Some(frame) = self.measured(number)? else { return Ok(None) };
+            Ok(ends_of(&frame.measurement, &self.reference, figure, &self.options)?)
+        };
+        let ends = numbers.par_iter().map(ends).collect::<Result<Vec<_>>>()?.into_iter().flatten();
+        let Some([low, high]) = ends.reduce(|[a, b], [low, high]| [a.min(low), b.max(high)]) else { return Ok(None) };
+        let most = low.abs().max(high.abs());
+        let (low, high) = if figure.is_strain() { (-most, most) } else { (low, high) };
+        Ok((high > low).then_some((low, high)))
     }
 
     /// The options with what is noted below the figures of a frame.
     fn noted(&self, frame: &StoredFrame, number: usize) -> Result<FigureOptions> {
         let mut options = self.options.clone();
-        let name =
-            |path: &str| Path::new(path).file_name().map_or(path.to_owned(), |n| n.to_string_lossy().into_owned());
         let header = self.store.header();
-        let reference = header.reference.first().map(|path| name(path)).unwrap_or_default();
+        let reference = header.reference.first().map(file_name).unwrap_or_default();
         options.notes.push(format!(
             "reference {reference}; image {}; quadrille {}",
-            frame_in_words(&name(&frame.file), self.store.reference_frame(number)?.unwrap_or(0)),
+            frame_in_words(&file_name(&frame.file), self.store.reference_frame(number)?.unwrap_or(0)),
             header.quadrille
         ));
         Ok(options)

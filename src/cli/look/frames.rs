@@ -1,6 +1,6 @@
 //! Which frames of a series a command is for.
 
-use crate::cli::Result;
+use crate::cli::{Outcome, Result};
 use crate::io::store::Store;
 use std::str::FromStr;
 
@@ -50,11 +50,14 @@ impl Frames {
         matches!(self, Self::Ranges(_))
     }
 
+    /// What a command came to that had `n_without` of them without a field.
+    pub fn outcome(&self, n_without: usize) -> Outcome {
+        if n_without > 0 && self.are_named() { Outcome::Incomplete } else { Outcome::Fine }
+    }
+
     /// Those of a series that have a field, and how many have none. Of each without that was named a line is said,
     /// unless `quiet`.
-    ///
-    /// # Errors
-    /// A number beyond the series, and what cannot be read of the store.
+    /// Errors: a number beyond the series, and what cannot be read of the store.
     pub fn with_field(&self, store: &Store, quiet: bool) -> Result<(Vec<usize>, usize)> {
         let (mut numbers, mut n_without) = (Vec::new(), 0);
         for number in self.numbers(store.n_frames())? {
@@ -81,9 +84,7 @@ impl Frames {
     }
 
     /// The numbers in a series of `n_frames`, each once, in the order given; of `last` all, from the end.
-    ///
-    /// # Errors
-    /// A number beyond the series.
+    /// Errors: a number beyond the series.
     pub fn numbers(&self, n_frames: usize) -> Result<Vec<usize>> {
         match self {
             Self::All => Ok((1..=n_frames).collect()),

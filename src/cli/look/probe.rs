@@ -11,16 +11,15 @@ use crate::io::store::Store;
 use crate::report::Plot;
 use crate::report::correlation::{along_load, turn_axes};
 use crate::run::look::quantities::{FOLDER, write_of_store};
-use crate::run::{Record, strain_window};
+use crate::run::{Record, save_picture, strain_window};
 use std::path::Path;
 
-/// Folder of the pictures of curves.
 const CURVES: &str = "curves";
 
 pub(crate) fn run(args: &ProbeArgs) -> Result<Outcome> {
     args.drawn.choose();
     let store = Store::open(&args.run)?;
-    let asked = asked(args, &store)?;
+    let asked = resolve_asked(args, &store)?;
     if asked.is_empty() {
         return Err(
             "nothing is asked for; give --point, --line, --extensometer, --opening or --remove-rigid, or a --case \
@@ -29,11 +28,10 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<Outcome> {
         );
     }
     let numbers = args.frames.numbers(store.n_frames())?;
-    let has_field = |number: usize| store.status(number).map(|status| status.is_some_and(|status| status.has_field()));
     let mut wanted = Vec::with_capacity(numbers.len());
     let mut n_fields = 0;
     for number in numbers {
-        let field = has_field(number)?;
+        let field = store.status(number)?.is_some_and(|status| status.has_field());
         n_fields += usize::from(field);
         if field || !args.frames.is_last() {
             wanted.push(number);
@@ -60,19 +58,14 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<Outcome> {
         summary.remarks.iter().for_each(|remark| eprintln!("{}", Paint::PLAIN.remark(remark)));
         eprintln!("{} probed, tables in {}", plural(n, "frame"), output.join(FOLDER).display());
     }
-    let complete = n_fields == n || !args.frames.are_named();
-    Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
+    Ok(args.frames.outcome(n - n_fields))
 }
 
 /// Draws each curve of at least two points, with bars of two standard uncertainties, or of upper bounds of them.
 fn draw_curves(curves: &[Curve], bound: bool, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| format!("{}: cannot be written: {e}", folder.display()))?;
-    let bars = "bars: \u{b1}2 standard uncertainties";
-    let bars = if bound {
-        format!("{bars} (upper bounds: neighbouring nodes are bound to each other)")
-    } else {
-        bars.to_owned()
-    };
+    let of_bound = if bound { " (upper bounds: neighbouring nodes are bound to each other)" } else { "" };
+    let bars = format!("bars: \u{b1}2 standard uncertainties{of_bound}");
     for curve in curves.iter().filter(|curve| curve.x.len() > 1) {
         let names = [curve.quantity.as_str(), curve.against.as_str()];
         save(folder, &curve.name, names, Plot { notes: vec![bars.clone()], ..along_load(curve) })?;
@@ -85,18 +78,14 @@ fn draw_curves(curves: &[Curve], bound: bool, folder: &Path) -> Result<()> {
 
 /// Writes the picture of a curve, of the first quantity against the second.
 fn save(folder: &Path, name: &str, [of, against]: [&str; 2], plot: Plot) -> Result<()> {
-    let picture = plot.draw()?;
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     let name: String = format!("{name}-{of}-against-{against}").chars().map(plain).collect();
-    for ending in ["png", "svg"] {
-        picture.save(folder.join(format!("{name}.{ending}")))?;
-    }
-    Ok(())
+    Ok(save_picture(folder, &name, &plot.draw()?)?)
 }
 
 /// What flags and case file ask for together. Without a case file, and when no flag asks for anything, what the case
 /// of the run asks for.
-fn asked(args: &ProbeArgs, store: &Store) -> Result<CaseQuantities> {
+fn resolve_asked(args: &ProbeArgs, store: &Store) -> Result<CaseQuantities> {
     let of_run = || parse_case(&store.header().case, Path::new("run.toml")).map(|case| case.drawn());
     let by_flags = !(args.point.is_empty()
         && args.line.is_empty()
@@ -120,13 +109,9 @@ fn asked(args: &ProbeArgs, store: &Store) -> Result<CaseQuantities> {
         asked.lines.iter_mut().for_each(|line| line.step_px = Some(step));
     }
     if !args.extensometer.is_empty() {
-        let gauge = |&[x0, y0, x1, y1]: &[f64; 4]| CaseExtensometer {
-            name: None,
-            from: [x0, y0],
-            to: [x1, y1],
-            width_px: None,
-        };
-        asked.extensometers = args.extensometer.iter().map(gauge).collect();
+        let ends = |&[x0, y0, x1, y1]: &[f64; 4]| ([x0, y0], [x1, y1]);
+        let gauge = |(from, to)| CaseExtensometer { name: None, from, to, width_px: None };
+        asked.extensometers = args.extensometer.iter().map(ends).map(gauge).collect();
     }
     if let Some(width) = args.width {
         asked.extensometers.iter_mut().for_each(|gauge| gauge.width_px = Some(width));

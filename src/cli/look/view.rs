@@ -6,15 +6,12 @@ use crate::cli::measure::metrology::METROLOGY;
 use crate::cli::{Outcome, Result, chain, plural, pool};
 use crate::io::store::Store;
 use crate::report::Backdrop;
-use crate::run::{Explored, FitOfRun, Record, RunFolder, correlation_in, model_less_measured};
+use crate::run::{Explored, FitOfRun, Record, RunFolder, correlation_in, model_less_measured, write_file};
 use std::path::{Path, PathBuf};
 
-/// Name of the page in the folder of the run.
 const PAGE: &str = "view.html";
 
-/// A page that is made.
 pub(crate) struct Made {
-    /// The page.
     pub html: String,
     /// Frames in it, and those with a field.
     n_shown: usize,
@@ -25,31 +22,27 @@ pub(crate) struct Made {
 
 pub(crate) fn run(args: &ViewArgs) -> Result<Outcome> {
     let path = args.output.clone().unwrap_or_else(|| args.run.join(PAGE));
-    let write = |html: &str| -> Result<()> {
-        Ok(std::fs::write(&path, html).map_err(|error| format!("{}: cannot be written: {error}", path.display()))?)
-    };
     if args.run.join(METROLOGY).is_file() && Store::open(fields_in(&args.run)).is_err() {
         // One page is all there is to see of it, and was made with it.
         let made = args.run.join(RunFolder::REPORT);
         let html = std::fs::read_to_string(&made).map_err(|error| {
             format!("{}: cannot be read: {error}; `quadrille metrology --output` makes it again", made.display())
         })?;
-        write(&html)?;
+        write_file(&path, &html)?;
         if !args.talk.quiet {
             eprintln!("{}: what the images can measure: open it in a browser", path.display());
         }
         return Ok(Outcome::Fine);
     }
-    let Made { html, n_shown, n_with, n_without } = made(args)?;
-    write(&html)?;
+    let Made { html, n_shown, n_with, n_without } = make_page(args)?;
+    write_file(&path, &html)?;
     if !args.talk.quiet {
         let left =
             if n_shown < n_with { format!(" of {n_with}, evenly spaced (--max-mb for more)") } else { String::new() };
         let mb = html.len() as f64 / 1e6;
         eprintln!("{} with {}{left}, {mb:.1} MB: open it in a browser", path.display(), plural(n_shown, "frame"));
     }
-    let complete = n_without == 0 || !args.frames.are_named();
-    Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
+    Ok(args.frames.outcome(n_without))
 }
 
 /// The folder of the fields of a run: its own, or that of the correlation in it.
@@ -58,8 +51,7 @@ fn fields_in(run: &Path) -> PathBuf {
     if inner.is_dir() { inner } else { run.to_owned() }
 }
 
-/// The page that the arguments ask for.
-pub(crate) fn made(args: &ViewArgs) -> Result<Made> {
+pub(crate) fn make_page(args: &ViewArgs) -> Result<Made> {
     let folder = fields_in(&args.run);
     let store = Store::open(&folder)?;
     let (numbers, n_without) = args.frames.with_field(&store, args.talk.quiet)?;

@@ -12,7 +12,7 @@ use crate::io::store::Store;
 use crate::report::Name;
 use crate::report::fit::FitRecord;
 use crate::report::tournament::TournamentRecord;
-use crate::run::{CaseRun, RunFolder, correlation_in, read_json};
+use crate::run::{CaseRun, RunFolder, correlation_in, read_json, write_file};
 use crate::units::Px;
 use crate::virtual_test::{ELEMENT_PX, VirtualOptions, VirtualTest};
 use serde::{Deserialize, Serialize};
@@ -29,7 +29,6 @@ struct Comparison {
     /// Opening at the right end of the facing edges.
     opening_exact_px: f64,
     opening_measured_px: f64,
-    /// Standard uncertainty of the measured opening.
     opening_sigma_px: f64,
     /// Root mean square over all nodes and both components of measured less exact.
     error_rms_px: f64,
@@ -47,7 +46,6 @@ struct Found {
     std: Option<f64>,
     interval95: Option<[f64; 2]>,
     error_percent: f64,
-    /// Whether the truth lies in the interval.
     interval_holds_truth: Option<bool>,
 }
 
@@ -58,7 +56,6 @@ struct Demo {
     seed: u64,
     noise_grey: f32,
     element_size_px: f64,
-    /// How the fit ended.
     status: String,
     parameters: BTreeMap<&'static str, Found>,
     frames: Vec<Comparison>,
@@ -79,7 +76,6 @@ struct Laws {
     best: Option<Name>,
     /// Those that the data cannot tell from it, itself among them.
     alike: Vec<Name>,
-    /// Whether the true law is among them.
     alike_holds_truth: bool,
 }
 
@@ -107,9 +103,7 @@ pub(crate) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
     let test = pool.install(|| VirtualTest::new(options))?;
     virtual_test::make(&test, &test_folder, &pool)?;
     if !args.laws.is_empty() {
-        let case = test_folder.join("case.toml");
-        let cannot = |error| format!("{}: cannot be written: {error}", case.display());
-        std::fs::write(&case, test.case_toml_with(&args.laws)).map_err(cannot)?;
+        write_file(&test_folder.join("case.toml"), test.case_toml_with(&args.laws))?;
     }
     let asked = CaseRun {
         overwrite: true,
@@ -117,7 +111,7 @@ pub(crate) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
         ..CaseRun::new(test_folder.join("case.toml"), &run_folder)
     };
     // The page is named with the other results, at the end.
-    let outcome = run::of_case(&asked, args.threads, (Talk::Normal, paint), |_| ())?;
+    let outcome = case::of_case(&asked, args.threads, (Talk::Normal, paint), |_| ())?;
     let fit: FitRecord = read_json(&run_folder.join("fit.json"))?;
     let Truth { images } = read_json(&test_folder.join("truth.json"))?;
     let store = Store::open(correlation_in(&run_folder))?;
@@ -136,7 +130,7 @@ pub(crate) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
         noise_grey: options.noise_grey,
         element_size_px: ELEMENT_PX,
         status: fit.status.to_string(),
-        parameters: found(&test, &fit),
+        parameters: compare_parameters(&test, &fit),
         error_rms_px: rms(|c| c.error_rms_px),
         sigma_rms_px: rms(|c| c.sigma_rms_px),
         frames,
@@ -149,7 +143,6 @@ pub(crate) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
     Ok(outcome)
 }
 
-/// What the comparison of laws in `folder` came to.
 fn laws(test: &VirtualTest, folder: &Path) -> Result<Laws> {
     let TournamentRecord { best, alike, .. } = read_json(&folder.join("tournament.json"))?;
     let truth = Name::from(test.law().name());
@@ -157,7 +150,7 @@ fn laws(test: &VirtualTest, folder: &Path) -> Result<Laws> {
 }
 
 /// The fitted parameters beside the true ones.
-fn found(test: &VirtualTest, fit: &FitRecord) -> BTreeMap<&'static str, Found> {
+fn compare_parameters(test: &VirtualTest, fit: &FitRecord) -> BTreeMap<&'static str, Found> {
     let law = test.law();
     let one = |(parameter, truth): (&crate::mechanics::cohesive::Parameter, f64)| {
         let entry = fit.parameters.get(parameter.name)?;

@@ -3,6 +3,7 @@
 use crate::cli::args::{Bits, Field, ImagesArgs};
 use crate::cli::{Outcome, Result};
 use crate::io::images::write_image;
+use crate::run::{RunError, write_file};
 use crate::synth::{
     Accuracy, Affine, Depth, Motion, Peel, RenderOptions, Rotation, Series, Sinusoids, Star, Texture, Translation,
 };
@@ -16,12 +17,16 @@ pub(crate) fn run(args: &ImagesArgs) -> Result<Outcome> {
         if value.is_finite() { Ok(value) } else { Err(format!("{name} is {value}; give a number")) }
     };
     let amplitude = |default: f64| finite("--amplitude", args.amplitude.unwrap_or(default));
+    let wavelength = || match args.wavelength {
+        value if value.is_finite() && value > 0.0 => Ok(value),
+        value => Err(format!("--wavelength is {value}; give a positive number of pixels")),
+    };
     let [a, b, c, d] = args.gradient;
     match args.field {
         Field::Translation => make(args, Translation(args.shift)),
         Field::Rotation => make(args, Rotation::new(finite("--degrees", args.degrees)?, width, height)),
         Field::Affine => make(args, Affine::new([[a, b], [c, d]], width, height)),
-        Field::Sinusoids => make(args, Sinusoids { amplitude: amplitude(1.0)?, wavelength: wavelength(args)? }),
+        Field::Sinusoids => make(args, Sinusoids { amplitude: amplitude(1.0)?, wavelength: wavelength()? }),
         Field::Accuracy => make(args, Accuracy::new(width, height)),
         Field::Star => {
             let star = Star::new(width, height);
@@ -36,15 +41,6 @@ pub(crate) fn run(args: &ImagesArgs) -> Result<Outcome> {
             eprintln!("the strips: --roi 0,0,{width},{upper} --roi 0,{lower},{width},{height}");
             Ok(outcome)
         }
-    }
-}
-
-fn wavelength(args: &ImagesArgs) -> Result<f64> {
-    let value = args.wavelength;
-    if value.is_finite() && value > 0.0 {
-        Ok(value)
-    } else {
-        Err(format!("--wavelength is {value}; give a positive number of pixels").into())
     }
 }
 
@@ -83,8 +79,7 @@ fn make<M: Motion>(args: &ImagesArgs, motion: M) -> Result<Outcome> {
         "opening_px": args.opening, "slide_px": args.slide,
         "frame_of_reference": "x right, y down, origin at the centre of the top-left pixel; u on reference coordinates",
     });
-    let path = args.output.join("synth.json");
-    fs::write(&path, format!("{about:#}\n")).map_err(|e| cannot(&path, &e))?;
+    write_file(&args.output.join("synth.json"), format!("{about:#}\n"))?;
     eprintln!("{} images and their exact displacements in {}", args.frames + 1, args.output.display());
     Ok(Outcome::Fine)
 }
@@ -92,7 +87,7 @@ fn make<M: Motion>(args: &ImagesArgs, motion: M) -> Result<Outcome> {
 /// Writes the images `NNNNNN.tif` and `exact/NNNNNN.csv`, the displacement at points `grid` px apart.
 pub(crate) fn write_series<M: Motion>(series: &Series<M>, folder: &Path, grid: usize) -> Result<()> {
     let exact = folder.join("exact");
-    fs::create_dir_all(&exact).map_err(|e| cannot(&exact, &e))?;
+    fs::create_dir_all(&exact).map_err(|error| RunError::file(&exact, "written", error))?;
     let RenderOptions { width, height, .. } = series.options;
     let points: Vec<[f64; 2]> =
         (0..=height).step_by(grid).flat_map(|y| (0..=width).step_by(grid).map(move |x| [x as f64, y as f64])).collect();
@@ -106,8 +101,7 @@ pub(crate) fn write_series<M: Motion>(series: &Series<M>, folder: &Path, grid: u
         for (x, u) in points.iter().zip(series.exact_at(frame, &points)) {
             text.push_str(&format!("{},{},{:?},{:?}\n", x[0], x[1], u[0], u[1]));
         }
-        let path = exact.join(format!("{frame:06}.csv"));
-        fs::write(&path, text).map_err(|e| cannot(&path, &e))?;
+        write_file(&exact.join(format!("{frame:06}.csv")), text)?;
     }
     Ok(())
 }
@@ -120,12 +114,8 @@ fn remove_further(folder: &Path, n_frames: usize) -> Result<()> {
             break;
         }
         for path in [image, folder.join(format!("exact/{frame:06}.csv"))] {
-            fs::remove_file(&path).map_err(|e| cannot(&path, &e))?;
+            fs::remove_file(&path).map_err(|error| RunError::file(&path, "written", error))?;
         }
     }
     Ok(())
-}
-
-fn cannot(path: &Path, error: &std::io::Error) -> String {
-    format!("{}: cannot be written: {error}", path.display())
 }

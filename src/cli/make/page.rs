@@ -7,6 +7,7 @@ use crate::io::images::Accepted;
 use crate::io::series::{Frame, expand_series};
 use crate::report::Backdrop;
 use crate::report::view::Drawing;
+use crate::run::{read_text, write_file};
 use serde_json::Value;
 use std::path::Path;
 
@@ -14,9 +15,8 @@ use std::path::Path;
 const RATIO: u32 = 2;
 
 /// A case file as its tables, for a page that draws them.
-pub(crate) fn drawn_in(path: &Path) -> Result<Value> {
-    let text = std::fs::read_to_string(path).map_err(|error| format!("{}: cannot be read: {error}", path.display()))?;
-    Ok(CaseDocument::tables(&text, path)?)
+pub(crate) fn read_drawn(path: &Path) -> Result<Value> {
+    Ok(CaseDocument::tables(&read_text(path)?, path)?)
 }
 
 /// The folder of a case file that does not lie in this one.
@@ -39,12 +39,12 @@ pub(crate) fn run(args: &PageArgs) -> Result<Outcome> {
         reference: (!of_glob).then(|| first.clone()),
         page: args.page,
         deformed: if of_glob { vec![first.clone()] } else { others.to_vec() },
-        case: args.case.as_deref().map(drawn_in).transpose()?,
+        case: args.case.as_deref().map(read_drawn).transpose()?,
         case_folder: args.case.as_deref().and_then(apart),
         folder: std::env::current_dir().map_or_else(|_| "this folder".into(), |folder| folder.display().to_string()),
     };
     let path = &args.output;
-    std::fs::write(path, drawing.html()).map_err(|error| format!("{}: cannot be written: {error}", path.display()))?;
+    write_file(path, drawing.html())?;
     if !args.talk.quiet {
         eprintln!("{}: open it in a browser, draw, and save its case file in this folder", path.display());
     }

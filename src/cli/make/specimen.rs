@@ -1,9 +1,9 @@
 //! `quadrille make specimen`: the mesh and the case file of a usual test, to begin with.
 
 use crate::cli::args::SpecimenArgs;
-use crate::cli::{Outcome, Result};
+use crate::cli::{Outcome, Result, write_new};
 use crate::mechanics::{Specimen, SpecimenOptions};
-use std::fs;
+use crate::run::make_folder;
 
 pub(crate) fn run(args: &SpecimenArgs) -> Result<Outcome> {
     let kind = args.kind.kind();
@@ -22,14 +22,9 @@ pub(crate) fn run(args: &SpecimenArgs) -> Result<Outcome> {
     };
     let specimen = Specimen::new(kind, &options)?;
     let folder = &args.results.output;
-    fs::create_dir_all(folder).map_err(|error| format!("{}: cannot be made: {error}", folder.display()))?;
-    for (name, text) in [("mesh.json", specimen.mesh_json()), ("case.toml", specimen.case.clone())] {
-        let path = folder.join(name);
-        if path.exists() && !args.results.overwrite {
-            return Err(format!("{}: is there already; replace it with --overwrite", path.display()).into());
-        }
-        fs::write(&path, text).map_err(|error| format!("{}: cannot be written: {error}", path.display()))?;
-    }
+    make_folder(folder)?;
+    write_new(&folder.join("mesh.json"), &specimen.mesh_json(), args.results.overwrite)?;
+    write_new(&folder.join("case.toml"), &specimen.case, args.results.overwrite)?;
     eprintln!("compute it with: quadrille simulate {} --output out", folder.join("case.toml").display());
     Ok(Outcome::Fine)
 }

@@ -7,6 +7,7 @@ use crate::io::images::{sha256, write_image};
 use crate::io::joint::write_table;
 use crate::mechanics::cohesive::ExtendedXuNeedleman;
 use crate::mechanics::{JointMesh, Kinematics};
+use crate::run::{RunError, write_file};
 use crate::synth::Depth;
 use crate::virtual_test::{
     ALUMINIUM, BAND_PX, ELEMENT_PX, Mixity, PIXEL_MM, SIZE, VirtualOptions, VirtualTest, faces_px, zones_px,
@@ -61,7 +62,7 @@ pub(crate) fn make(test: &VirtualTest, folder: &Path, pool: &rayon::ThreadPool) 
     let images = folder.join(IMAGES);
     let truth = folder.join("truth");
     for path in [&images, &truth] {
-        fs::create_dir_all(path).map_err(|error| cannot(path, &error))?;
+        fs::create_dir_all(path).map_err(|error| cannot(path, error))?;
     }
     // Before anything is replaced: without its truth a half-written test is none.
     remove_earlier(folder)?;
@@ -72,30 +73,28 @@ pub(crate) fn make(test: &VirtualTest, folder: &Path, pool: &rayon::ThreadPool) 
                 let name = format!("{k:06}.png");
                 let path = images.join(&name);
                 write_image(&path, &test.image(k)?)?;
-                let bytes = fs::read(&path).map_err(|error| cannot(&path, &error))?;
+                let bytes = fs::read(&path).map_err(|error| cannot(&path, error))?;
                 Ok(json!({ "file": format!("{IMAGES}/{name}"), "sha256": sha256(&bytes) }))
             })
             .collect::<Result<Vec<Value>>>()
     })?;
     write_truth(test, &truth)?;
     write_loads(test, &folder.join(LOAD))?;
-    write(&folder.join("case.toml"), test.case_toml().as_bytes())?;
-    write(&folder.join(TRUTH), format!("{:#}\n", about(test, hashes)).as_bytes())?;
-    Ok(())
+    write_file(&folder.join("case.toml"), test.case_toml())?;
+    Ok(write_file(&folder.join(TRUTH), format!("{:#}\n", about(test, hashes)))?)
 }
 
 /// Removes the images of an earlier test, which a glob would take along, and what says that it is there.
 fn remove_earlier(folder: &Path) -> Result<()> {
     let mut images = (0..=VirtualOptions::MOST_INSTANTS).map(|k| folder.join(IMAGES).join(format!("{k:06}.png")));
     let gone = |path: &Path| match fs::remove_file(path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(cannot(path, &error)),
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(cannot(path, error)),
         _ => Ok(()),
     };
     gone(&folder.join(TRUTH))?;
     Ok(images.try_for_each(|path| gone(&path))?)
 }
 
-/// The parameters of the true law by their names.
 pub(crate) fn parameters(test: &VirtualTest) -> serde_json::Map<String, Value> {
     let law = test.law();
     let values = law.values();
@@ -170,10 +169,10 @@ fn write_truth(test: &VirtualTest, folder: &Path) -> Result<()> {
     let fields = || (1..).zip(&test.solution().instants).map(|(k, instant)| (k, &instant.displacement));
     let table = |name: &str, what: &str, names: &[&str], rows: &mut dyn Iterator<Item = (Vec<u64>, Vec<f64>)>| {
         let path = folder.join(name);
-        let file = fs::File::create(&path).map_err(|error| cannot(&path, &error))?;
-        write_table(BufWriter::new(file), &notes(what), &columns(names), rows).map_err(|error| cannot(&path, &error))
+        let file = fs::File::create(&path).map_err(|error| cannot(&path, error))?;
+        write_table(BufWriter::new(file), &notes(what), &columns(names), rows).map_err(|error| cannot(&path, error))
     };
-    write(&folder.join("mesh.json"), format!("{}\n", mesh_json(&region)).as_bytes())?;
+    write_file(&folder.join("mesh.json"), format!("{}\n", mesh_json(&region)))?;
     let all = (0u64..).zip(&of);
     table(
         "displacement.csv",
@@ -223,8 +222,8 @@ fn write_loads(test: &VirtualTest, path: &Path) -> Result<()> {
     ];
     let names = ["frame", "load_N", "load_x_N", "region_N", "region_x_N"].map(str::to_owned);
     let mut rows = (1..).zip(&loads).map(|(k, [[gx, gy], [rx, ry]])| (vec![k], vec![*gy, *gx, *ry, *rx]));
-    let file = fs::File::create(path).map_err(|error| cannot(path, &error))?;
-    Ok(write_table(BufWriter::new(file), &notes, &names, &mut rows).map_err(|error| cannot(path, &error))?)
+    let file = fs::File::create(path).map_err(|error| cannot(path, error))?;
+    Ok(write_table(BufWriter::new(file), &notes, &names, &mut rows).map_err(|error| cannot(path, error))?)
 }
 
 fn mesh_json(mesh: &JointMesh) -> Value {
@@ -246,10 +245,6 @@ fn mesh_json(mesh: &JointMesh) -> Value {
     })
 }
 
-fn write(path: &Path, content: &[u8]) -> Result<()> {
-    Ok(fs::write(path, content).map_err(|error| cannot(path, &error))?)
-}
-
-fn cannot(path: &Path, error: &std::io::Error) -> String {
-    format!("{}: cannot be written: {error}", path.display())
+fn cannot(path: &Path, error: std::io::Error) -> RunError {
+    RunError::file(path, "written", error)
 }

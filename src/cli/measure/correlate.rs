@@ -2,6 +2,7 @@
 
 use crate::cli::about::devices;
 use crate::cli::args::{CorrelateArgs, ProgressKind};
+use crate::cli::look::figures;
 use crate::cli::talk::{Paint, Progress, Talk};
 use crate::cli::{Outcome, Result, signals};
 use crate::io::case::read_case;

@@ -1,7 +1,7 @@
 //! The study of virtual strain gauges of `quadrille metrology`: table, CSV file and figure.
 
-use crate::cli::plural;
 use crate::cli::talk::wrapped;
+use crate::cli::{file_name, plural};
 use crate::metrology::{Metrology, StrainGauge, StrainNoiseOn};
 use crate::report::{Axis, Plot, PlotSeries, Style};
 use std::io::{self, Write};
@@ -31,7 +31,7 @@ fn micros(strains: Option<[f64; 3]>) -> [String; 3] {
 
 /// The element size whose gauges are printed when none were asked for: the recommended one, else the largest with a
 /// result.
-fn shown(found: &Metrology) -> Option<usize> {
+fn size_shown(found: &Metrology) -> Option<usize> {
     let gauges = &found.strain_gauges.gauges;
     let last = || gauges.iter().rev().find(|gauge| gauge.noise_predicted.is_some()).map(|gauge| gauge.element_size_px);
     found.advice.element_size_px.or_else(last)
@@ -40,7 +40,7 @@ fn shown(found: &Metrology) -> Option<usize> {
 /// Prints the gauges: of all element sizes (`all`), or of one.
 pub(crate) fn print(found: &Metrology, all: bool) {
     let gauges = &found.strain_gauges.gauges;
-    let Some(one) = shown(found) else { return };
+    let Some(one) = size_shown(found) else { return };
     println!();
     println!("virtual strain gauges: standard deviation, 1e-6, measured on {}", measured_on(found));
     println!("element window gauge |      measured       |  predicted inside   | resolved, px");
@@ -120,7 +120,7 @@ pub(crate) fn plot(found: &Metrology, reference: &Path) -> Plot {
         add(String::new(), Style::Dashed, |gauge| gauge.noise_predicted);
         add(format!("elements of {size} px"), Style::Markers, |gauge| gauge.noise_measured);
     }
-    let name = reference.file_name().unwrap_or_default().to_string_lossy();
+    let name = file_name(reference);
     Plot {
         title: format!("{name}: noise of strains over the length of their gauge"),
         x: Axis::log("virtual strain gauge (px)"),

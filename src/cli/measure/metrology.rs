@@ -3,7 +3,7 @@
 use crate::cli::args::MetrologyArgs;
 use crate::cli::measure::gauges;
 use crate::cli::talk::wrapped;
-use crate::cli::{Outcome, Result, absolute, plural};
+use crate::cli::{Outcome, Result, absolute, file_name, plural};
 use crate::imaging::Image;
 use crate::io::images::{Loaded, read_image};
 use crate::io::series::expand_series;
@@ -11,8 +11,9 @@ use crate::mesh::Roi;
 use crate::metrology::{Metrology, Noise, Options, Origin, PhotonFit, SizeResult, Still, measure};
 use crate::report::metrology::{larger, noise_facts, number};
 use crate::report::{Axis, Plot, PlotSeries, Style, metrology_page};
-use crate::run::{RunFolder, strain_window};
+use crate::run::{RunFolder, save_picture, strain_window};
 use serde::Serialize;
+use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -26,36 +27,14 @@ pub(crate) const METROLOGY: &str = "metrology.json";
 struct Record<'a> {
     quadrille: &'static str,
     units: &'static str,
-    reference: FileRecord,
-    static_images: Vec<FileRecord>,
-    options: OptionsRecord,
+    /// Files, with what their images are.
+    reference: Value,
+    static_images: Vec<Value>,
+    /// As resolved.
+    options: Value,
     seconds: f64,
     #[serde(flatten)]
     metrology: &'a Metrology,
-}
-
-#[derive(Debug, Serialize)]
-struct FileRecord {
-    file: String,
-    sha256: String,
-    width_px: usize,
-    height_px: usize,
-    depth: &'static str,
-    messages: Vec<String>,
-}
-
-/// The options as resolved.
-#[derive(Debug, Serialize)]
-struct OptionsRecord {
-    element_sizes_px: Vec<usize>,
-    strain_windows: Vec<usize>,
-    roi_px: Option<[f64; 4]>,
-    page: usize,
-    noise_grey: Option<f64>,
-    interpolation: &'static str,
-    target_sigma_px: f64,
-    resolve_period_px: Option<f64>,
-    seed: u64,
 }
 
 const UNITS: &str = "_px: pixels; _px2: square pixels; _grey: grey levels in the scale of the images; _grey_per_px: \
@@ -80,9 +59,9 @@ pub(crate) fn run(args: &MetrologyArgs) -> Result<Outcome> {
     eprintln!(
         "{}: {} x {} px, {}; {}; moving copies of it, which takes some seconds",
         args.reference.display(),
-        reference.width_px,
-        reference.height_px,
-        reference.depth,
+        loaded.width(),
+        loaded.height(),
+        loaded.pixels().depth(),
         plural(stills.len(), "static image")
     );
     let metrology = pool.install(|| measure(&loaded, &stills, &options))?;
@@ -93,17 +72,17 @@ pub(crate) fn run(args: &MetrologyArgs) -> Result<Outcome> {
         units: UNITS,
         reference,
         static_images: records,
-        options: OptionsRecord {
-            element_sizes_px: metrology.sizes.iter().map(|result| result.element_size_px).collect(),
-            strain_windows: windows_of(&metrology),
-            roi_px: args.roi,
-            page,
-            noise_grey: args.noise,
-            interpolation: options.interpolation.name(),
-            target_sigma_px: options.target_sigma_px,
-            resolve_period_px: options.resolve_period_px,
-            seed: options.seed,
-        },
+        options: json!({
+            "element_sizes_px": metrology.sizes.iter().map(|result| result.element_size_px).collect::<Vec<_>>(),
+            "strain_windows": windows_of(&metrology),
+            "roi_px": args.roi,
+            "page": page,
+            "noise_grey": args.noise,
+            "interpolation": options.interpolation.name(),
+            "target_sigma_px": options.target_sigma_px,
+            "resolve_period_px": options.resolve_period_px,
+            "seed": options.seed,
+        }),
         seconds,
         metrology: &metrology,
     };
@@ -112,12 +91,9 @@ pub(crate) fn run(args: &MetrologyArgs) -> Result<Outcome> {
         folder.write("strain_gauges.csv", |out| gauges::write(out, &metrology, &args.reference))?;
         let plots = [plot(&metrology, &args.reference), gauges::plot(&metrology, &args.reference)];
         for (name, plot) in ["metrology", "strain_gauges"].into_iter().zip(&plots) {
-            let picture = plot.draw()?;
-            for ending in ["png", "svg"] {
-                picture.save(folder.path().join(format!("{name}.{ending}")))?;
-            }
+            save_picture(folder.path(), name, &plot.draw()?)?;
         }
-        let name = args.reference.file_name().unwrap_or_default().to_string_lossy();
+        let name = file_name(&args.reference);
         let page = metrology_page(&metrology, &name, &loaded, plots.each_ref())?;
         folder.write(RunFolder::REPORT, |out| out.write_all(page.html().as_bytes()))?;
         eprintln!(
@@ -167,19 +143,20 @@ fn static_files(args: &MetrologyArgs) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-fn read(path: &Path, page: usize) -> Result<(FileRecord, Arc<Image>)> {
+/// An image, and what is recorded of it.
+fn read(path: &Path, page: usize) -> Result<(Value, Arc<Image>)> {
     let Loaded { image, notes, sha256, .. } = read_image(path, page)?;
     for note in &notes {
         eprintln!("{}: {note}", path.display());
     }
-    let record = FileRecord {
-        file: absolute(path),
-        sha256,
-        width_px: image.width(),
-        height_px: image.height(),
-        depth: image.pixels().depth(),
-        messages: notes,
-    };
+    let record = json!({
+        "file": absolute(path),
+        "sha256": sha256,
+        "width_px": image.width(),
+        "height_px": image.height(),
+        "depth": image.pixels().depth(),
+        "messages": notes,
+    });
     Ok((record, Arc::new(image)))
 }
 
@@ -212,7 +189,7 @@ fn plot(found: &Metrology, reference: &Path) -> Plot {
         Origin::Given => "given",
         Origin::Assumed => "assumed, not measured",
     };
-    let name = reference.file_name().unwrap_or_default().to_string_lossy();
+    let name = file_name(reference);
     let mut notes = vec![format!("noise of one image {:.2} grey levels ({origin})", found.noise.sigma_grey)];
     notes.push("uncertainty of a node, the larger component; period of which 90 % of the amplitude is left".into());
     if let Some(size) = found.advice.element_size_px {
@@ -243,18 +220,16 @@ fn case_lines(noise: &Noise) -> Vec<String> {
 fn print(found: &Metrology, options: &Options, all: bool) {
     let Metrology { noise, texture, .. } = found;
     let [x0, y0, x1, y1] = found.zone_px;
-    said(&format!("looked at       x {x0} to {x1}, y {y0} to {y1} px ({} x {} px)", x1 - x0, y1 - y0));
+    say(&format!("looked at       x {x0} to {x1}, y {y0} to {y1} px ({} x {} px)", x1 - x0, y1 - y0));
     print_noise(noise);
     let [gx, gy] = texture.gradient_grey_per_px;
-    said(&format!("gradient        {gx:.2} along x, {gy:.2} along y, rms, grey levels per px"));
+    say(&format!("gradient        {gx:.2} along x, {gy:.2} along y, rms, grey levels per px"));
     let [sx, sy] = texture.speckle_px.map(|size| number(size, 1));
-    said(&format!(
-        "speckles        {sx} px along x, {sy} px along y (width of the autocorrelation at half its height)"
-    ));
+    say(&format!("speckles        {sx} px along x, {sy} px along y (width of the autocorrelation at half its height)"));
     let ([low, high], [p1, p99], [dark, bright]) =
         (texture.range_grey, texture.percentiles_grey, texture.saturated_percent);
     let used = texture.range_used_percent.map_or(String::new(), |used| format!(", {used:.0} % of the scale"));
-    said(&format!("grey levels     {low} to {high}; 98 % of the pixels {p1} to {p99}{used}"));
+    say(&format!("grey levels     {low} to {high}; 98 % of the pixels {p1} to {p99}{used}"));
     println!("saturated       {dark:.2} % dark, {bright:.2} % bright");
     print_sizes(found);
     gauges::print(found, all);
@@ -278,7 +253,7 @@ fn print(found: &Metrology, options: &Options, all: bool) {
 }
 
 /// A line about one matter, which begins in the column that all have.
-fn said(line: &str) {
+fn say(line: &str) {
     println!("{}", wrapped(line, 16));
 }
 
@@ -286,8 +261,8 @@ fn said(line: &str) {
 fn print_noise(noise: &Noise) {
     for (row, (name, value)) in noise_facts(noise).into_iter().enumerate() {
         match row {
-            0 => said(&format!("noise           {value}")),
-            _ => said(&format!("                {}: {value}", name[..1].to_lowercase() + &name[1..])),
+            0 => say(&format!("noise           {value}")),
+            _ => say(&format!("                {}: {value}", name[..1].to_lowercase() + &name[1..])),
         }
     }
     if noise.origin == Origin::StaticImages {

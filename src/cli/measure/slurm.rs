@@ -1,11 +1,11 @@
 //! `quadrille slurm`: scripts that spread a series over a cluster.
 
 use crate::cli::args::SlurmArgs;
-use crate::cli::{Outcome, Result, absolute};
+use crate::cli::{Outcome, Result, absolute, write_new};
 use crate::field::UpdateReference;
 use crate::io::case::read_case;
+use crate::run::{make_folder, read_text};
 use clap::ValueEnum;
-use std::fs;
 use std::num::NonZeroUsize;
 use std::path::Path;
 
@@ -25,37 +25,28 @@ pub(crate) fn run(args: &SlurmArgs) -> Result<Outcome> {
     }
     let stem = args.case.file_stem().map_or_else(|| "quadrille".into(), |stem| stem.to_string_lossy().into_owned());
     let scripts = args.scripts.clone().unwrap_or_else(|| ".".into());
-    fs::create_dir_all(&scripts).map_err(|error| format!("{}: cannot be made: {error}", scripts.display()))?;
+    make_folder(&scripts)?;
     let program = match &args.program {
         Some(program) => program.clone(),
         None => this_program()?,
     };
     let prologue = match &args.prologue {
-        Some(path) => {
-            let lines =
-                fs::read_to_string(path).map_err(|error| format!("{}: cannot be read: {error}", path.display()))?;
-            format!("# From {}:\n{}\n", absolute(path), lines.trim_end())
-        }
+        Some(path) => format!("# From {}:\n{}\n", absolute(path), read_text(path)?.trim_end()),
         None => String::new(),
     };
     let about = About { args, program, case: absolute(&args.case), output: absolute(&args.output), prologue };
     about.check_names(&scripts)?;
     let names = [format!("{stem}-array.sbatch"), format!("{stem}-check.sbatch")];
     for (name, text) in names.iter().zip([about.array(), about.check()]) {
-        let path = scripts.join(name);
-        if path.exists() && !args.overwrite {
-            return Err(format!("{}: is there already; replace it with --overwrite", path.display()).into());
-        }
-        fs::write(&path, text).map_err(|error| format!("{}: cannot be written: {error}", path.display()))?;
+        write_new(&scripts.join(name), &text, args.overwrite)?;
     }
-    let [array, check] = names.map(|name| quoted(&scripts.join(name)));
+    let [array, check] = names.map(|name| word(&scripts.join(name).display().to_string()));
     println!("array=$(sbatch --parsable {array})");
     println!("sbatch --dependency=afterany:$array {check}");
     println!("# To repeat a task that failed, say 3: sbatch --array=3 {array}");
     Ok(Outcome::Fine)
 }
 
-/// A path as one word of the shell.
 /// The path of the program on this machine: that of the script where it runs inside Python.
 fn this_program() -> Result<String> {
     let process = std::env::current_exe()?;
@@ -64,10 +55,7 @@ fn this_program() -> Result<String> {
     Ok(script.map_or_else(|| process.to_string_lossy().into_owned(), |script| absolute(Path::new(&script))))
 }
 
-fn quoted(path: &Path) -> String {
-    word(&path.display().to_string())
-}
-
+/// A text as one word of the shell.
 fn word(text: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=:,".contains(c);
     if !text.is_empty() && text.chars().all(plain) {
@@ -122,7 +110,6 @@ impl About<'_> {
         lines.join("\n")
     }
 
-    /// The script of the array.
     fn array(&self) -> String {
         let (n, args) = (self.args.array, self.args);
         let gpu = match args.gpu {

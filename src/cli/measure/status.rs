@@ -21,7 +21,6 @@ const RATE_OVER: usize = 100;
 /// How far a run is.
 #[derive(Debug, Serialize)]
 struct Standing {
-    /// Whether every frame is done.
     complete: bool,
     frames: usize,
     /// With any status.

@@ -52,7 +52,7 @@ pub(super) fn run(args: &StudioArgs) -> Result<Outcome> {
     }
     let stop = signals::listen()?;
     let job = Arc::clone(&studied.job);
-    server::serve(&listener, &token, &Arc::new(studied), || !stop.is_asked())?;
+    server::serve(&listener, &token, move |asked| studied.answer(asked), || !stop.is_asked())?;
     job.stop();
     // What is on the device is finished.
     while job.is_running() {

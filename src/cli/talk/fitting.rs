@@ -5,12 +5,7 @@ use crate::identify::FitProgress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Map, Value, json};
 use std::io::IsTerminal;
-use std::time::{Duration, Instant};
-
-/// Time between two plain lines, as of a series.
-const EVERY: Duration = Duration::from_secs(5);
-/// Time between two lines for programs.
-const EVERY_JSON: Duration = Duration::from_secs(1);
+use std::time::Instant;
 
 /// Progress of a fit: one line that changes on a terminal, else a plain line now and then.
 pub(crate) struct Fitting {
@@ -22,7 +17,6 @@ pub(crate) struct Fitting {
 }
 
 impl Fitting {
-    /// One that has nothing to show yet.
     pub fn new(talk: Talk) -> Self {
         let bar = ProgressBar::new_spinner();
         if matches!(talk, Talk::Quiet | Talk::Json) || !std::io::stderr().is_terminal() {
@@ -37,10 +31,9 @@ impl Fitting {
     /// Shows where the fit is.
     pub fn take(&mut self, at: &FitProgress) {
         if at.instant.is_none() {
-            self.tried = tried(at);
+            self.tried = describe(at);
         }
-        let every = if self.talk == Talk::Json { EVERY_JSON } else { EVERY };
-        let due = self.last.elapsed() >= every;
+        let due = self.last.elapsed() >= self.talk.every();
         if !self.bar.is_hidden() {
             self.bar.set_message(self.line(at));
             self.bar.tick();
@@ -59,7 +52,6 @@ impl Fitting {
         self.bar.suspend(something)
     }
 
-    /// Nothing more comes.
     pub fn done(&self) {
         self.bar.finish_and_clear();
     }
@@ -73,7 +65,7 @@ impl Fitting {
 }
 
 /// What was tried last.
-fn tried(at: &FitProgress) -> String {
+fn describe(at: &FitProgress) -> String {
     let values: Vec<String> = at.parameters.iter().map(|(name, value)| format!("{name} {value:.4}")).collect();
     let omega = at.omega.map_or("no solution".to_owned(), |omega| format!("omega {omega:.4e}"));
     format!("{omega} at {}", values.join(", "))

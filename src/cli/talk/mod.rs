@@ -14,8 +14,8 @@ pub(crate) use paint::{Paint, WARNING};
 pub(crate) use progress::Progress;
 
 use crate::cli::args::ProgressKind;
+use std::time::Duration;
 
-/// How much is said.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Talk {
     Quiet,
@@ -26,6 +26,11 @@ pub(crate) enum Talk {
 }
 
 impl Talk {
+    /// Time between two plain lines, or two lines for programs.
+    pub fn every(self) -> Duration {
+        Duration::from_secs(if self == Self::Json { 1 } else { 5 })
+    }
+
     /// What the flags of a command without --verbose ask for.
     pub fn of(kind: ProgressKind, quiet: bool) -> Self {
         match (quiet, kind) {

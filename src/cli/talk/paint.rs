@@ -17,7 +17,6 @@ const YELLOW: u8 = 33;
 const RED: u8 = 31;
 
 impl Paint {
-    /// Without colours.
     pub const PLAIN: Self = Self(false);
 
     /// For standard error, where statuses are said: as `choice` has it; by itself on a terminal, unless `NO_COLOR` is
@@ -26,7 +25,6 @@ impl Paint {
         Self::on(choice, std::io::stderr().is_terminal())
     }
 
-    /// For standard output.
     pub fn of_stdout(choice: ColorChoice) -> Self {
         Self::on(choice, std::io::stdout().is_terminal())
     }

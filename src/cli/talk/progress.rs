@@ -12,7 +12,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde_json::{Map, Value, json};
 use std::io::IsTerminal;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Progress of a series: a bar on a terminal, else a plain line now and then.
 pub(crate) struct Progress {
@@ -33,13 +33,7 @@ pub(crate) struct Progress {
     warned: Vec<Remark>,
 }
 
-/// Seconds between two plain lines.
-const EVERY: Duration = Duration::from_secs(5);
-/// Seconds between two lines for programs.
-const EVERY_JSON: Duration = Duration::from_secs(1);
-
 impl Progress {
-    /// One that has nothing to show yet.
     pub fn new(talk: Talk, paint: Paint) -> Self {
         let (bar, now) = (ProgressBar::hidden(), Instant::now());
         let terminal = std::io::stderr().is_terminal();
@@ -49,7 +43,6 @@ impl Progress {
         Self { talk, paint, bar, terminal, total, before, done, failed, begin, last_line, fitting, warned }
     }
 
-    /// Shows what has happened.
     pub fn take(&mut self, event: Event<'_>) {
         match event {
             Event::Begun { total, before } => self.begin(total, before),
@@ -151,7 +144,6 @@ impl Progress {
         }
     }
 
-    /// Laws were compared.
     fn compared(&self, tournament: &TournamentRecord, folder: &Path) {
         self.fitting.done();
         match self.talk {
@@ -165,7 +157,6 @@ impl Progress {
         }
     }
 
-    /// One more frame is done.
     fn frame(&mut self, frame: &FrameSummary, busy: &Busy) {
         let fine = frame.status == Status::Converged;
         self.done += 1;
@@ -177,8 +168,7 @@ impl Progress {
         let now = self.before + self.done;
         // The last one before a pause of unknown length shall not be held back.
         let always = self.talk == Talk::Json && (self.done == 1 || self.total.is_none_or(|total| now == total));
-        let every = if self.talk == Talk::Json { EVERY_JSON } else { EVERY };
-        if self.last_line.elapsed() < every && !always {
+        if self.last_line.elapsed() < self.talk.every() && !always {
             return;
         }
         self.last_line = Instant::now();
@@ -221,15 +211,9 @@ impl Progress {
         if frames.len() > SHOWN {
             eprintln!("... {} more in summary.json", frames.len() - SHOWN);
         }
-        if let Some(line) = about_misfit(frames) {
-            eprintln!("{}", wrapped(&line, 2));
-        }
-        if let Some(line) = about_ambiguity(frames) {
-            eprintln!("{line}");
-        }
-        if let Some(line) = about_marks(frames) {
-            eprintln!("{}", wrapped(&line, 2));
-        }
+        let in_lines = |line: String| wrapped(&line, 2);
+        let about = [about_misfit(frames).map(in_lines), about_ambiguity(frames), about_marks(frames).map(in_lines)];
+        about.into_iter().flatten().for_each(|line| eprintln!("{line}"));
         let counts = crate::report::summary::counts(frames);
         let counts: Vec<_> = counts.iter().map(|(status, n)| format!("{n} {}", status.replace('_', " "))).collect();
         let rate = self.done as f64 / seconds;

@@ -3,10 +3,10 @@
 use crate::cli::plural;
 use crate::cli::talk::{Paint, wrapped};
 use crate::remark::Remark;
-use crate::report::ForceRecord;
 use crate::report::fit::{FitRecord, budget_lines, defaults_used};
 use crate::report::joint::JointSummary;
 use crate::report::tournament::TournamentRecord;
+use crate::report::{ForceRecord, Name};
 use std::path::Path;
 
 /// What a user has to know at once beside the warnings.
@@ -68,23 +68,21 @@ fn of_tests(json: &FitRecord) {
         (Some(_), Some(_)) => "> 1000 %".to_owned(),
         _ => "nothing".to_owned(),
     };
-    let heads: Vec<String> = json.parameter_order.iter().map(|name| format!("{name:>11}")).collect();
+    let row = |cell: &dyn Fn(&Name) -> String| -> String {
+        json.parameter_order.iter().map(|name| format!("{:>11}", cell(name))).collect()
+    };
     eprintln!("standard uncertainty by the noise, of each test alone and of all together:");
-    eprintln!("{:width$}{}  misfit z", "", heads.join(""));
+    eprintln!("{:width$}{}  misfit z", "", row(&|name| name.to_string()));
     for test in &json.tests {
-        let cell =
-            |name: &crate::report::Name| percent(name, test.parameters.get(name).and_then(|told| told.std_alone));
-        let cells: Vec<String> = json.parameter_order.iter().map(|name| format!("{:>11}", cell(name))).collect();
+        let cells = row(&|name| percent(name, test.parameters.get(name).and_then(|told| told.std_alone)));
         let z = test.misfit.as_ref().filter(|misfit| misfit.tested);
         let z = z.map_or("-".to_owned(), |misfit| format!("{:+.1}", misfit.z));
-        eprintln!("{:width$}{}  {z}", test.name, cells.join(""));
+        eprintln!("{:width$}{cells}  {z}", test.name);
     }
-    let cell = |name: &crate::report::Name| percent(name, json.parameters.get(name).and_then(|p| p.std_noise));
-    let cells: Vec<String> = json.parameter_order.iter().map(|name| format!("{:>11}", cell(name))).collect();
-    eprintln!("{:width$}{}", "together", cells.join(""));
+    let cells = row(&|name| percent(name, json.parameters.get(name).and_then(|p| p.std_noise)));
+    eprintln!("{:width$}{cells}", "together");
 }
 
-/// What a user has to know at once.
 pub(crate) fn of_joint(summary: &JointSummary, output: &Path) {
     summary.remarks.iter().for_each(|remark| eprintln!("{}", Paint::PLAIN.remark(remark)));
     // Those of the instants grow with the test: the last says it all, summary.json has each.
@@ -105,7 +103,6 @@ pub(crate) fn of_joint(summary: &JointSummary, output: &Path) {
     eprintln!("{n} of {total} converged in {:.3} s, results in {}", summary.seconds, output.display());
 }
 
-/// Prints what a comparison came to.
 pub(crate) fn of_laws(tournament: &TournamentRecord, folder: &Path) {
     let digits = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.1}"));
     let columns = ["law", "omega", "p", "AIC", "left out", "z", "weight"];

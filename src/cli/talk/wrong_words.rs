@@ -12,7 +12,7 @@ pub(crate) fn in_words(error: &clap::Error, arguments: &[OsString]) -> String {
     let said = match error.kind() {
         ErrorKind::ValueValidation => of_value(error, arguments),
         ErrorKind::UnknownArgument => unknown(error, arguments),
-        ErrorKind::InvalidSubcommand => moved(error),
+        ErrorKind::InvalidSubcommand => find_moved(error),
         _ => None,
     };
     format!("{}; more with --help", said.unwrap_or_else(|| one_line(&error.render().to_string())))
@@ -36,7 +36,7 @@ const MOVED: [(&str, &str); 13] = [
 ];
 
 /// A command that has another name now.
-fn moved(error: &clap::Error) -> Option<String> {
+fn find_moved(error: &clap::Error) -> Option<String> {
     let given = text(error, ContextKind::InvalidSubcommand)?;
     let (_, now) = MOVED.iter().find(|(before, _)| *before == given)?;
     Some(format!("{given} is now `quadrille {now}`"))

@@ -42,7 +42,6 @@ pub(crate) struct Widths {
     pub written: usize,
 }
 
-/// How many frames are done at a time.
 pub(crate) fn widths(engine: &Engine, pool: &ThreadPool, start: StartFrom, update: UpdateReference) -> Widths {
     let threads = pool.current_num_threads();
     let [width, height] = engine.correlator().reference().size();

@@ -55,12 +55,10 @@ impl Reference {
             let mean = mean.get_or_insert_with(|| Mean::new(before));
             if !mean.add(&loaded.image) {
                 let size = |image: &Image| format!("{} x {} px", image.width(), image.height());
-                let sizes = [size(&loaded.image), size(before)];
-                return Err(format!(
-                    "{frame}: the image is {}, the reference {name} {}; the mean needs images of one size",
-                    sizes[0], sizes[1]
-                )
-                .into());
+                let [own, first] = [&loaded.image, before].map(size);
+                let what =
+                    format!("the image is {own}, the reference {name} {first}; the mean needs images of one size");
+                return Err(format!("{frame}: {what}").into());
             }
             if let Some([x, y]) = small_shift(before, &loaded.image)
                 && x.hypot(y) > Self::STILL_PX

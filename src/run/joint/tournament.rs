@@ -6,7 +6,6 @@ use crate::remark::Remark;
 use crate::report::Picture;
 use crate::report::tournament::{TournamentRecord, TournamentReport};
 use crate::run::folder::{FIGURES, RunFolder, TOURNAMENT, TOURNAMENT_PAGE, TOURNAMENT_TRACTIONS};
-use crate::run::joint::save;
 use crate::run::plan::{Outcome, Stop};
 use crate::run::words::{Event, Heard, Result, Watcher, absolute};
 use rayon::ThreadPool;
@@ -31,8 +30,7 @@ pub fn compare_laws(
     let mut of_case = Case::new(&joint, input, case)?;
     let remarks: Vec<Remark> = joint.remarks.iter().chain(&of_case.remarks).cloned().collect();
     remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
-    let folder = RunFolder::open(output, overwrite)?;
-    folder.clear(false, false)?;
+    let folder = RunFolder::for_joint(output, overwrite, false)?;
     compare_in(&mut of_case, &folder, absolute(case), remarks, pool, stop, watcher)
 }
 
@@ -54,7 +52,7 @@ pub(crate) fn compare_in(
     let report = TournamentReport::new(&found, name, of_case.about.clone(), begin.elapsed().as_secs_f64(), remarks);
     folder.write_json(TOURNAMENT, &report.record)?;
     folder.write(TOURNAMENT_TRACTIONS, |out| report.write_tractions(out))?;
-    report.draw(|name: String, picture: Picture| save(folder, &name, &picture))?;
+    report.draw(|name: String, picture: Picture| folder.save_figure(&name, &picture))?;
     let page = report.page()?.html();
     folder.write(TOURNAMENT_PAGE, |out| std::io::Write::write_all(out, page.as_bytes()))?;
     watcher(Event::Compared { tournament: &report.record, folder: folder.path() });

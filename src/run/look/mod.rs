@@ -1,7 +1,6 @@
 //! What is looked at afterwards: pages, quantities, cracks.
 
 pub(crate) mod crack_auto;
-pub(crate) mod cracks;
 pub(crate) mod explore;
 pub(crate) mod fit_of_run;
 pub(crate) mod page;

@@ -99,7 +99,6 @@ pub(crate) fn resolved_zones(wanted: &[CaseZone]) -> Vec<CaseZone> {
     wanted.iter().enumerate().map(complete).collect()
 }
 
-/// The name of the zone number `at`.
 pub(crate) fn name_of(at: usize, zone: &CaseZone) -> String {
     zone.name.clone().unwrap_or_else(|| format!("zone{}", at + 1))
 }

@@ -129,9 +129,7 @@ impl Zones {
 }
 
 /// Cuts the zones along cracks whose path is known.
-///
-/// # Errors
-/// A zone with elements of its own.
+/// Errors: a zone with elements of its own.
 pub(crate) fn cut(zones: &mut [Zone], cracks: &[CaseCrack]) -> Result<()> {
     if cracks.is_empty() {
         return Ok(());

@@ -14,4 +14,4 @@ pub use error::{Result, RunError};
 pub use event::{Event, Watcher};
 pub(crate) use heard::Heard;
 pub use text::chain;
-pub(crate) use text::{absolute, plural, ranges};
+pub(crate) use text::{absolute, file_name, plural, ranges};

@@ -7,7 +7,6 @@ use crate::run::words::{Event, Result, Watcher};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
-/// What has come so far.
 pub(crate) struct Tally {
     /// SHA-256 of each image, where it could be read.
     pub hashes: BTreeMap<usize, Option<String>>,
@@ -29,7 +28,6 @@ pub(crate) struct Summaries {
 }
 
 impl Summaries {
-    /// From now on.
     pub fn begin() -> Self {
         Self { last: Instant::now(), every: EVERY }
     }
