@@ -99,19 +99,19 @@ pub struct ProbeArgs {
     #[command(flatten)]
     pub options: CaseQuantityOptions,
     /// Definition of the strains. Default: that of the run.
-    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
+    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky", help_heading = "Output")]
     pub strain: Option<StrainDefinition>,
     /// Strains at points and lines over a window of N x N nodes as well, N odd; 1: none. Default: that of the run.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, help_heading = "Output")]
     pub strain_window: Option<u32>,
     /// What other instruments recorded (CSV, a row per image, or a column of times): joined to every row.
-    #[arg(id = "load.file", long = "load", value_name = "FILE")]
+    #[arg(id = "load.file", long = "load", value_name = "FILE", help_heading = "Input")]
     pub load: Option<PathBuf>,
     #[command(flatten)]
     pub load_options: CaseLoad,
     /// Draw every quantity against each column of the load file, or without one against the frame number, as PNG
     /// and SVG into DIR/curves.
-    #[arg(long)]
+    #[arg(long, help_heading = "Quantities")]
     pub curves: bool,
     /// Folder for `quantities/`. Default: DIR.
     #[arg(short, long, value_name = "DIR")]

@@ -6,15 +6,12 @@ use clap::{Arg, ArgAction, Command};
 
 /// Headings of options that are the same matter in every command, and their ids, where the option itself names none.
 const USUAL: [(&str, &str); 6] = [
-    ("Input", "case load.file page pattern run settle shots stills timeout"),
-    ("Quantities", "curves extensometer extensometer.width_px line line.step_px opening.zones point remove_rigid"),
+    ("Input", "case page pattern run settle shots stills timeout"),
+    ("Quantities", "extensometer extensometer.width_px line line.step_px opening.zones point remove_rigid"),
     ("Fit", "laws sweep tournament max_seconds max_evaluations"),
-    (
-        "Output",
-        "figures format frames json magnify no_report output overwrite range resume scale split strain strain_window to",
-    ),
-    ("Machine", "device isa shard trust_device"),
-    ("Messages", "color progress quiet verbose"),
+    ("Output", "format frames json magnify output overwrite range resume scale split strain strain_window to"),
+    ("Machine", "device trust_device"),
+    ("Messages", "color progress"),
 ];
 
 /// Options above which the rare ones are left out of the short help.

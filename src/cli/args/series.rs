@@ -49,21 +49,21 @@ pub struct CorrelateArgs {
     #[command(flatten)]
     pub request: Request,
     /// Frames to draw at the end: 1,5-20, last, all. Into DIR/figures; `quadrille figures` draws more of them later.
-    #[arg(long, value_name = "1,5-20|last|all")]
+    #[arg(long, value_name = "1,5-20|last|all", help_heading = "Output")]
     pub figures: Option<Frames>,
     /// Use a graphics device even if it computes other numbers than the CPU, and check none of its frames.
-    #[arg(long, env = "QUADRILLE_TRUST_DEVICE", hide_short_help = true)]
+    #[arg(long, env = "QUADRILLE_TRUST_DEVICE", hide_short_help = true, help_heading = "Machine")]
     pub trust_device: bool,
     #[command(flatten)]
     pub threads: Threads,
     /// Only errors.
-    #[arg(long, short, conflicts_with = "verbose")]
+    #[arg(long, short, conflicts_with = "verbose", help_heading = "Messages")]
     pub quiet: bool,
     /// One line for every frame.
-    #[arg(long, short)]
+    #[arg(long, short, help_heading = "Messages")]
     pub verbose: bool,
     /// How progress is written to stderr: as text, or as one JSON object a line for other programs.
-    #[arg(long, value_name = "text|json", default_value = "text", hide_short_help = true)]
+    #[arg(long, value_name = "text|json", default_value = "text", hide_short_help = true, help_heading = "Messages")]
     pub progress: ProgressKind,
 }
 

@@ -70,17 +70,23 @@ pub struct Request {
     )]
     pub export: Option<Vec<Export>>,
     /// Write no DIR/report.html at the end. `--export none` leaves it out as well.
-    #[cfg_attr(feature = "cli", arg(long))]
+    #[cfg_attr(feature = "cli", arg(long, help_heading = "Output"))]
     pub no_report: bool,
     /// Do this share of the frames only: I of N processes that write into one folder, frames I, I+N, I+2N, ... `slurm`
     /// takes the place of the task in its array. Needs --start independent, which is then the default.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "I/N|slurm", hide_short_help = true))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "I/N|slurm", hide_short_help = true, help_heading = "Machine"))]
     pub shard: Option<Shard>,
     /// Pixel work: auto, cpu, gpu, or one of `quadrille about devices`, by its number or part of its name. `auto` takes a
     /// discrete GPU for 200 megapixels of frames or more, else the CPU; `gpu` also an integrated or a software one.
     #[cfg_attr(
         feature = "cli",
-        arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")
+        arg(
+            long,
+            value_name = "auto|cpu|gpu|NAME|INDEX",
+            env = "QUADRILLE_DEVICE",
+            default_value = "auto",
+            help_heading = "Machine"
+        )
     )]
     pub device: DeviceChoice,
     /// How a graphics device is opened.
@@ -88,6 +94,6 @@ pub struct Request {
     pub gpu: GpuOptions,
     /// Instruction path of the CPU: avx512, avx2, baseline, scalar. Default: that of the run.toml given as --case,
     /// else the fastest there is. Results differ in the last bits between paths.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "NAME", hide_short_help = true))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "NAME", hide_short_help = true, help_heading = "Machine"))]
     pub isa: Option<String>,
 }
