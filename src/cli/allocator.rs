@@ -26,7 +26,7 @@ pub struct Allocator;
 
 /// Blocks below [`MAPPED`] come from memory that is kept.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
-pub(super) fn keep_memory() {
+pub(crate) fn keep_memory() {
     let bytes = |n: usize| libc::c_int::try_from(n).unwrap_or(libc::c_int::MAX);
     for (option, bytes) in [
         (libc::M_MMAP_THRESHOLD, bytes(MAPPED)),
@@ -41,7 +41,7 @@ pub(super) fn keep_memory() {
 
 /// Other systems keep theirs.
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
-pub(super) const fn keep_memory() {}
+pub(crate) const fn keep_memory() {}
 
 /// Asks for large pages where a block is, for each piece of memory once; what the system does not grant stays in small
 /// ones.

@@ -2,62 +2,39 @@
 
 // What is said must not end what is done: std's macros panic where nobody can listen (a closed pipe, a full disk).
 macro_rules! eprintln {
-    ($($text:tt)*) => { $crate::cli::voice::to_people(format_args!($($text)*)) };
+    ($($text:tt)*) => { $crate::cli::talk::voice::to_people(format_args!($($text)*)) };
 }
 macro_rules! println {
-    () => { $crate::cli::voice::result(format_args!("\n")) };
-    ($($text:tt)*) => { $crate::cli::voice::result(format_args!("{}\n", format_args!($($text)*))) };
+    () => { $crate::cli::talk::voice::result(format_args!("\n")) };
+    ($($text:tt)*) => { $crate::cli::talk::voice::result(format_args!("{}\n", format_args!($($text)*))) };
 }
 macro_rules! print {
-    ($($text:tt)*) => { $crate::cli::voice::result(format_args!($($text)*)) };
+    ($($text:tt)*) => { $crate::cli::talk::voice::result(format_args!($($text)*)) };
 }
 
 mod about;
 mod allocator;
-mod animate;
 mod args;
-mod correlate;
-mod demo;
-mod devices;
-mod draw;
-mod export;
-mod figures;
-mod fitting;
-mod frames;
-mod gauges;
 mod identify;
-mod lines;
-mod metrology;
-mod paint;
-mod probe;
-mod progress;
-mod results;
-mod run;
+mod look;
+mod make;
+mod measure;
 mod signals;
-mod simulate;
-mod slurm;
-mod specimen;
-mod status;
 mod studio;
-mod synth;
 mod talk;
-mod tournament;
-mod view;
-mod virtual_test;
-mod voice;
-mod watch;
-mod wrong_words;
 
 use crate::report::Look;
-use crate::run::Outcome;
-use crate::run::words::text::{absolute, chain, plural};
+use crate::run::words::{absolute, chain, file_name, plural};
+use crate::run::{Outcome, write_file};
+pub(crate) use about::devices;
 pub use allocator::Allocator;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches};
-use paint::Paint;
 use std::error::Error;
 use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
+use talk::{Paint, wrong_words};
 
 type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 
@@ -74,7 +51,7 @@ pub fn main() -> ExitCode {
 /// version end it.
 pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     signals::end_where_memory_ends();
-    let arguments = args::joined(words);
+    let arguments = args::join_every(words);
     let command = args::grouped(args::Cli::command());
     let parsed = command.clone().try_get_matches_from(&arguments);
     let cli = match parsed.and_then(|matches| args::Cli::from_arg_matches(&matches)) {
@@ -97,21 +74,21 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     Look::Screen.choose();
     let paint = Paint::of(cli.color);
     let outcome = match cli.command {
-        args::Command::Correlate(args) => correlate::run(&args, paint),
-        args::Command::Watch(args) => watch::run(&args, paint),
-        args::Command::Status(args) => status::run(&args, Paint::of_stdout(cli.color)),
-        args::Command::Slurm(args) => slurm::run(&args),
-        args::Command::Export(args) => export::run(&args),
-        args::Command::Probe(args) => probe::run(&args),
-        args::Command::Figures(args) => figures::run(&args),
-        args::Command::View(args) => view::run(&args),
+        args::Command::Correlate(args) => measure::correlate::run(&args, paint),
+        args::Command::Watch(args) => measure::watch::run(&args, paint),
+        args::Command::Status(args) => measure::status::run(&args, Paint::of_stdout(cli.color)),
+        args::Command::Slurm(args) => measure::slurm::run(&args),
+        args::Command::Export(args) => look::export::run(&args),
+        args::Command::Probe(args) => look::probe::run(&args),
+        args::Command::Figures(args) => look::figures::run(&args),
+        args::Command::View(args) => look::view::run(&args),
         args::Command::Studio(args) => studio::run(&args),
-        args::Command::Demo(args) => demo::run(&args, paint),
-        args::Command::Metrology(args) => metrology::run(&args),
-        args::Command::Simulate(args) => simulate::run(&args, paint),
-        args::Command::Identify(args) => identify::run(&args, paint),
-        args::Command::Run(args) => run::run(&args, paint),
-        args::Command::Make(args) => make(&args),
+        args::Command::Demo(args) => make::demo::run(&args, paint),
+        args::Command::Metrology(args) => measure::metrology::run(&args),
+        args::Command::Simulate(args) => identify::simulate::run(&args, paint),
+        args::Command::Identify(args) => identify::fit::run(&args, paint),
+        args::Command::Run(args) => identify::case::run(&args, paint),
+        args::Command::Make(args) => run_make(&args),
         args::Command::About(args) => about::run(&args),
     };
     match outcome {
@@ -125,12 +102,12 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-fn make(args: &args::MakeArgs) -> Result<Outcome> {
+fn run_make(args: &args::MakeArgs) -> Result<Outcome> {
     match &args.what {
-        args::Make::Images(args) => synth::run(args),
-        args::Make::VirtualTest(args) => virtual_test::run(args),
-        args::Make::Specimen(args) => specimen::run(args),
-        args::Make::Page(args) => draw::run(args),
+        args::Make::Images(args) => make::images::run(args),
+        args::Make::VirtualTest(args) => make::virtual_test::run(args),
+        args::Make::Specimen(args) => make::specimen::run(args),
+        args::Make::Page(args) => make::page::run(args),
     }
 }
 
@@ -139,11 +116,19 @@ fn make(args: &args::MakeArgs) -> Result<Outcome> {
 /// # Errors
 /// What the program says of one that is not.
 pub fn check_line(line: impl IntoIterator<Item = OsString>) -> std::result::Result<(), String> {
-    let arguments = args::joined(line);
+    let arguments = args::join_every(line);
     match args::grouped(args::Cli::command()).try_get_matches_from(&arguments) {
         Err(wrong) if wrong.use_stderr() => Err(wrong_words::in_words(&wrong, &arguments)),
         _ => Ok(()),
     }
+}
+
+/// Writes a file where none of that name is, or `overwrite` allows it.
+fn write_new(path: &Path, content: &str, overwrite: bool) -> Result<()> {
+    if path.exists() && !overwrite {
+        return Err(format!("{}: is there already; replace it with --overwrite", path.display()).into());
+    }
+    Ok(write_file(path, content)?)
 }
 
 /// The list with each item at its first place only.

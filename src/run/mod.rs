@@ -30,25 +30,14 @@ pub(crate) mod words;
 
 pub use folder::run_folder::{RunFolder, correlation_in};
 pub use frames::busy::Busy;
-pub use joint::case::{CaseRun, run_case};
-pub use joint::identification::identify;
-pub use joint::several::identify_several;
-pub use joint::simulation::simulate;
-pub use joint::tournament::compare_laws;
-pub use look::explore::{Explored, ExplorerPage};
-pub use look::fit_of_run::{FitOfRun, Off, model_less_measured};
-pub use plan::check::{Checked, CheckedZone, check, keeps_to};
-pub use plan::request::{Export, Request};
-pub use plan::resolved::{Images, Plan, strain_window};
-pub use plan::session::{Existing, Outcome, Ran, Session};
-pub use plan::shard::Shard;
-pub use plan::stop::Stop;
-pub use series::files::run_series;
-pub use series::in_memory::InMemory;
-pub use series::watching::{Watching, watch};
-pub use words::error::{Result, RunError};
-pub use words::event::{Event, Watcher};
-pub use words::text::chain;
+pub use joint::{CaseRun, compare_laws, identify, identify_several, run_case, simulate};
+pub use look::{Explored, ExplorerPage, FitOfRun, Off, model_less_measured};
+pub use plan::{
+    Checked, CheckedZone, Existing, Export, Images, Outcome, Plan, Ran, Request, Session, Shard, Stop, check, keeps_to,
+    strain_window,
+};
+pub use series::{files::run_series, in_memory::InMemory, watching::Watching, watching::watch};
+pub use words::{Event, Result, RunError, Watcher, chain};
 
 #[doc(hidden)]
 pub use folder::restart::is_of_a_restart;
@@ -56,9 +45,9 @@ pub use folder::restart::is_of_a_restart;
 #[cfg(feature = "cli")]
 pub(crate) use self::{
     folder::lock::{Holder, holders},
-    folder::read::read_json,
+    folder::read::{make_folder, read_json, read_text, write_file},
     folder::record::Record,
     folder::restart::all_frames,
-    folder::run_folder::{About, FIGURES, frame_in_words, locks_in},
+    folder::run_folder::{About, FIGURES, frame_in_words, locks_in, save_picture},
     words::error::shell_word,
 };

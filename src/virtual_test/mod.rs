@@ -77,7 +77,7 @@ mod remote {
     pub const DRIFT_PX: [f64; 2] = [1.7, 2.6];
 }
 
-/// A test that was computed and can be photographed.
+/// A test that was computed and can be photographed. What is asked of a frame `k` panics when there is no such frame.
 #[derive(Debug)]
 pub struct VirtualTest {
     options: VirtualOptions,
@@ -138,18 +138,12 @@ impl VirtualTest {
     }
 
     /// The motion of frame `k` in the image: 0 is the reference, at rest.
-    ///
-    /// # Panics
-    /// When there is no such frame.
     pub fn motion(&self, k: usize) -> Strips {
         self.motion_with(k, |_, u| u)
     }
 
     /// The motion of frame `k` after the rigid motion (exact rotation, least squares) of the measured region, both
     /// strips together, is turned back.
-    ///
-    /// # Panics
-    /// When there is no such frame.
     pub fn motion_without_rigid(&self, k: usize) -> Strips {
         let motion = self.motion(k);
         let step = ELEMENT_PX;
@@ -196,9 +190,6 @@ impl VirtualTest {
     ///
     /// # Errors
     /// Those of [`render`].
-    ///
-    /// # Panics
-    /// When there is no such frame.
     pub fn image(&self, k: usize) -> Result<Image, SynthError> {
         self.image_of(k, &self.motion(k))
     }
@@ -208,9 +199,6 @@ impl VirtualTest {
     ///
     /// # Errors
     /// Those of [`render`].
-    ///
-    /// # Panics
-    /// When there is no such frame.
     pub fn image_without_rigid_motion(&self, k: usize) -> Result<Image, SynthError> {
         self.image_of(k, &self.motion_without_rigid(k))
     }
@@ -223,9 +211,6 @@ impl VirtualTest {
     }
 
     /// The true displacement (px, y down) of `points` of the reference image in frame `k`.
-    ///
-    /// # Panics
-    /// When there is no such frame.
     pub fn exact_at(&self, k: usize, points: &[[f64; 2]]) -> Vec<[f64; 2]> {
         exact_at(&self.motion(k), points)
     }

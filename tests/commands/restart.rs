@@ -148,7 +148,7 @@ fn a_frame_whose_files_are_cut_or_lost_is_done_again_and_nothing_else() {
             let ran = desk.correlate(&line).incomplete();
             // The frame that is no image is read again each time.
             assert!(ran.stderr.contains(&format!("{} frames done before, 2 to do", N - 3)), "{file}, {what}: {ran}");
-            let said = ran.stderr.contains("is not whole and is done again: 15\n");
+            let said = ran.stderr.contains("incomplete and will be recomputed: 15\n");
             assert_eq!(said, !(file.contains("status") && what == "lost"), "{file}, {what}: {ran}");
             assert_same(&whole, &results(&desk, "whole"), &format!("{file}, {what}"));
         }
@@ -336,7 +336,7 @@ fn frames_after_one_that_is_lost_are_done_again_when_the_reference_depends_on_it
     ] {
         cut(format!("whole/fields.zarr/displacement_px/c.{}.0.0", number - 1));
         let ran = desk.correlate(&renewing()).incomplete();
-        assert!(ran.stderr.contains(&format!("is not whole and is done again: {number}\n")), "{ran}");
+        assert!(ran.stderr.contains(&format!("incomplete and will be recomputed: {number}\n")), "{ran}");
         assert!(ran.stderr.contains(&format!("depends on all frames before: {again}\n")), "{ran}");
         let before = done.map(|(done, left)| format!("{done} frames done before, {left} to do"));
         assert_eq!(before.is_none(), !ran.stderr.contains("done before"), "{ran}");

@@ -4,7 +4,6 @@ use clap::{Args, Subcommand};
 use clap_complete::Shell;
 use std::path::PathBuf;
 
-/// Arguments of `quadrille about`.
 #[derive(Debug, Args)]
 #[command(arg_required_else_help = true)]
 #[command(after_help = "Examples:\n  \
@@ -16,7 +15,6 @@ use std::path::PathBuf;
     whose first line is\n  \
     #:schema ./case.schema.json")]
 pub struct AboutArgs {
-    /// What about it.
     #[command(subcommand)]
     pub what: About,
 }
@@ -51,7 +49,6 @@ pub enum About {
     Licences,
 }
 
-/// Arguments of `quadrille about devices`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     What is there:\n    \

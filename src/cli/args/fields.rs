@@ -1,21 +1,14 @@
 //! What the commands take that read the fields of a run, and `metrology`.
 
 use super::shared::{Drawn, Quiet, Threads};
-use super::words::megabytes;
-use super::words::pair;
-use super::words::rectangle;
-use super::words::two_zones;
-use crate::cli::frames::Frames;
-use crate::field::RemoveRigid;
-use crate::field::StrainDefinition;
+use super::words::{megabytes, two_zones};
+use crate::cli::look::frames::Frames;
+use crate::field::{RemoveRigid, StrainDefinition};
 use crate::imaging::Interpolation;
 use crate::io::case::flags::numbers;
 use crate::io::case::{CaseLoad, CaseQuantityOptions};
-use crate::report::Animated;
-use crate::report::Figure;
-use crate::report::Format;
-use clap::Args;
-use clap::ValueEnum;
+use crate::report::{Animated, Figure, Format};
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
 /// What `quadrille export` makes.
@@ -31,7 +24,6 @@ pub enum Target {
     Mat,
 }
 
-/// Arguments of `quadrille export`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     Tables and ParaView files of a long series, every frame from 100 to 200:\n    \
@@ -45,7 +37,7 @@ pub struct ExportArgs {
     #[arg(value_name = "DIR")]
     pub run: PathBuf,
     /// What to make.
-    #[arg(long, value_name = "csv,vtu,npz,mat", value_delimiter = ',', required = true, help_heading = "Output")]
+    #[arg(long, value_name = "csv,vtu,npz,mat", value_delimiter = ',', required = true)]
     pub to: Vec<Target>,
     /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
     #[arg(long, value_name = "1,5-20|last|all", default_value = "all")]
@@ -54,7 +46,7 @@ pub struct ExportArgs {
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
     /// npz and mat: a file for each frame instead of one for all.
-    #[arg(long, help_heading = "Output")]
+    #[arg(long)]
     pub split: bool,
     /// Replace files that are there already.
     #[arg(long)]
@@ -63,7 +55,6 @@ pub struct ExportArgs {
     pub talk: Quiet,
 }
 
-/// Arguments of `quadrille probe`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     A point and an extensometer over all frames, beside the load recorded with each image:\n    \
@@ -87,61 +78,24 @@ pub struct ProbeArgs {
     #[arg(long, value_name = "FILE")]
     pub case: Option<PathBuf>,
     /// A point, px: displacement and strain with their uncertainty. Repeat it for several.
-    #[arg(
-        long,
-        value_name = "x,y",
-        value_parser = numbers::<2>,
-        allow_hyphen_values = true,
-        help_heading = "Quantities"
-    )]
+    #[arg(long, value_name = "x,y", value_parser = numbers::<2>, allow_hyphen_values = true)]
     pub point: Vec<[f64; 2]>,
     /// A line, px: the same at points along it. Repeat it for several.
-    #[arg(
-        long,
-        value_name = "x0,y0,x1,y1",
-        value_parser = rectangle,
-        allow_hyphen_values = true,
-        help_heading = "Quantities"
-    )]
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = numbers::<4>, allow_hyphen_values = true)]
     pub line: Vec<[f64; 4]>,
     /// Distance of the points of lines, px. Default: a quarter of the element size.
-    #[arg(
-        id = "line.step_px",
-        long = "step",
-        value_name = "PX",
-        allow_hyphen_values = true,
-        help_heading = "Quantities"
-    )]
+    #[arg(id = "line.step_px", long = "step", value_name = "PX", allow_hyphen_values = true)]
     pub step: Option<f64>,
     /// An extensometer from one point to another, px: elongation and strain. Repeat it for several.
-    #[arg(
-        long,
-        value_name = "x0,y0,x1,y1",
-        value_parser = rectangle,
-        allow_hyphen_values = true,
-        help_heading = "Quantities"
-    )]
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = numbers::<4>, allow_hyphen_values = true)]
     pub extensometer: Vec<[f64; 4]>,
     /// Average extensometers over gauge lines of this length across their ends, px.
-    #[arg(
-        id = "extensometer.width_px",
-        long = "width",
-        value_name = "PX",
-        allow_hyphen_values = true,
-        help_heading = "Quantities"
-    )]
+    #[arg(id = "extensometer.width_px", long = "width", value_name = "PX", allow_hyphen_values = true)]
     pub width: Option<f64>,
     /// Opening and sliding between two zones along their facing edges; for a horizontal joint the upper zone
     /// first. Repeat it for several.
-    #[arg(
-        id = "opening.zones",
-        long = "opening",
-        value_name = "upper,lower",
-        value_parser = two_zones,
-        help_heading = "Quantities"
-    )]
+    #[arg(id = "opening.zones", long = "opening", value_name = "upper,lower", value_parser = two_zones)]
     pub opening: Vec<[String; 2]>,
-    /// The rigid motion that is taken off.
     #[command(flatten)]
     pub options: CaseQuantityOptions,
     /// Definition of the strains. Default: that of the run.
@@ -153,7 +107,6 @@ pub struct ProbeArgs {
     /// What other instruments recorded (CSV, a row per image, or a column of times): joined to every row.
     #[arg(id = "load.file", long = "load", value_name = "FILE", help_heading = "Input")]
     pub load: Option<PathBuf>,
-    /// When its rows and the frames were taken, and on what area the load is.
     #[command(flatten)]
     pub load_options: CaseLoad,
     /// Draw every quantity against each column of the load file, or without one against the frame number, as PNG
@@ -227,7 +180,6 @@ impl std::str::FromStr for FileKind {
     }
 }
 
-/// Arguments of `quadrille figures`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     Displacements, strains and residual of the last frame, into out/figures:\n    \
@@ -257,33 +209,27 @@ pub struct FiguresArgs {
     #[arg(long, value_name = "png,svg,gif,apng,mp4", value_delimiter = ',', default_value = "png")]
     pub format: Vec<FileKind>,
     /// A line, px: shown in the maps, and each quantity drawn along it with a band of 2 standard uncertainties.
-    #[arg(
-        long,
-        value_name = "x0,y0,x1,y1",
-        value_parser = rectangle,
-        allow_hyphen_values = true,
-        help_heading = "Quantities"
-    )]
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = numbers::<4>, allow_hyphen_values = true)]
     pub line: Option<[f64; 4]>,
     /// Factor on displacements in deformed and register. Default: one that makes them visible; 1 where the
     /// deformed image can be shown.
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
     pub magnify: Option<f64>,
     /// Ends of the colour bars, for all maps drawn. Default: the values of each.
-    #[arg(long, value_name = "low,high", value_parser = pair, allow_hyphen_values = true)]
+    #[arg(long, value_name = "low,high", value_parser = numbers::<2>, allow_hyphen_values = true)]
     pub range: Option<[f64; 2]>,
     /// Definition of the strains. Default: that of the run.
-    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky", help_heading = "Output")]
+    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
     pub strain: Option<StrainDefinition>,
     /// Nodes along a side of the window of exx-window, eyy-window and exy-window, odd; 1: none. Default: that of the
     /// run.
-    #[arg(long, value_name = "N", allow_negative_numbers = true, help_heading = "Output")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub strain_window: Option<u32>,
     /// Strains of elements or of nodes.
     #[arg(long, value_enum, default_value = "elements")]
     pub strain_on: StrainPlace,
     /// Rigid motion that register takes off: of each zone, or of all together.
-    #[arg(long, value_name = "zone|all", default_value = "zone", help_heading = "Quantities")]
+    #[arg(long, value_name = "zone|all", default_value = "zone")]
     pub remove_rigid: RemoveRigid,
     /// Pixels per unit of length in PNG files, 1 to 4: 1 for the screen, 2 or 3 for print.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4))]
@@ -299,7 +245,6 @@ pub struct FiguresArgs {
     pub drawn: Drawn,
 }
 
-/// Arguments of `quadrille view`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     A page with all frames of a run, out/view.html:\n    \
@@ -329,7 +274,6 @@ pub struct ViewArgs {
     pub talk: Quiet,
 }
 
-/// Arguments of `quadrille metrology`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     One image: texture, uncertainty and resolution, with a noise that is assumed:\n    \
@@ -353,7 +297,7 @@ pub struct MetrologyArgs {
     #[arg(
         long,
         value_name = "x0,y0,x1,y1",
-        value_parser = rectangle,
+        value_parser = numbers::<4>,
         allow_hyphen_values = true,
         help_heading = "Zones"
     )]

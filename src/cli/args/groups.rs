@@ -1,16 +1,17 @@
 //! The options of a command in groups, and the short help: one screen.
 
 use super::keys::with_defaults;
-use crate::cli::lines::{WIDTH, wrapped};
+use crate::cli::talk::{WIDTH, wrapped};
 use clap::{Arg, ArgAction, Command};
 
-/// Headings of options that are the same matter in every command, where the option itself names none.
-const USUAL: [(&str, &[&str]); 5] = [
-    ("Input", &["case", "page", "stills", "run", "shots"]),
-    ("Fit", &["laws", "sweep", "tournament", "max_seconds", "max_evaluations"]),
-    ("Output", &["output", "overwrite", "frames", "json", "format", "scale", "range", "magnify"]),
-    ("Machine", &["device", "trust_device"]),
-    ("Messages", &["progress", "color"]),
+/// Headings of options that are the same matter in every command, and their ids, where the option itself names none.
+const USUAL: [(&str, &str); 6] = [
+    ("Input", "case page pattern run settle shots stills timeout"),
+    ("Quantities", "extensometer extensometer.width_px line line.step_px opening.zones point remove_rigid"),
+    ("Fit", "laws sweep tournament max_seconds max_evaluations"),
+    ("Output", "format frames json magnify output overwrite range resume scale split strain strain_window to"),
+    ("Machine", "device trust_device"),
+    ("Messages", "color progress"),
 ];
 
 /// Options above which the rare ones are left out of the short help.
@@ -36,7 +37,7 @@ fn usual_heading(arg: &Arg) -> Option<&'static str> {
     let id = arg.get_id().as_str();
     // Positional arguments have a place of their own.
     let is_without = !arg.is_positional() && arg.get_help_heading().is_none();
-    USUAL.iter().find(|(_, ids)| is_without && ids.contains(&id)).map(|(heading, _)| *heading)
+    USUAL.iter().find(|(_, ids)| is_without && ids.split(' ').any(|usual| usual == id)).map(|(heading, _)| *heading)
 }
 
 /// Headings of `arguments` in the order that they come in, those without first.

@@ -8,7 +8,6 @@ use crate::mechanics::cohesive::USUAL_LAWS;
 use clap::Args;
 use std::path::PathBuf;
 
-/// Arguments of `quadrille run`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     quadrille make virtual-test --output test && quadrille run test/case.toml --output test/run\n\n\
@@ -47,7 +46,6 @@ pub struct RunArgs {
     pub drawn: Drawn,
 }
 
-/// Arguments of `quadrille demo`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  quadrille demo --output out/demo && xdg-open out/demo/run/report.html\n  \
     quadrille demo --laws --output out/laws        six laws on the same images, side by side in the report")]
@@ -66,7 +64,6 @@ pub struct DemoArgs {
     pub threads: Threads,
 }
 
-/// Arguments of `quadrille simulate`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example of a case file:\n  \
     [mesh]\n  file = \"mesh.json\"\n  \
@@ -89,7 +86,6 @@ pub struct SimulateArgs {
     pub drawn: Drawn,
 }
 
-/// Arguments of `quadrille identify`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     quadrille identify joint.toml --output out/fit\n  \

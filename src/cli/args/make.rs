@@ -1,14 +1,14 @@
 //! What `quadrille make` takes.
 
 use super::shared::{Quiet, Results, Threads};
-use super::words::{pair, rectangle, size};
+use super::words::size;
+use crate::io::case::flags::numbers;
 use crate::mechanics::SpecimenKind;
 use crate::mechanics::cohesive::{ExtendedXuNeedleman, LAW_NAMES};
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
-/// Arguments of `quadrille make`.
 #[derive(Debug, Args)]
 #[command(arg_required_else_help = true)]
 #[command(after_help = "Examples:\n  \
@@ -16,7 +16,6 @@ use std::path::PathBuf;
     quadrille make virtual-test --output test\n  \
     quadrille make page 'folder/*.tif'")]
 pub struct MakeArgs {
-    /// What to make.
     #[command(subcommand)]
     pub what: Make,
 }
@@ -66,7 +65,6 @@ pub enum Bits {
     Float,
 }
 
-/// Arguments of `quadrille make images`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     A pair moved by a quarter pixel, noise of 2 grey levels:\n    \
@@ -104,13 +102,13 @@ pub struct ImagesArgs {
     #[arg(long, value_name = "PX", default_value_t = 4.5, allow_negative_numbers = true)]
     pub speckle: f64,
     /// Displacement, px.
-    #[arg(long, value_name = "ux,uy", value_parser = pair, default_value = "0.5,0.5", allow_hyphen_values = true)]
+    #[arg(long, value_name = "ux,uy", value_parser = numbers::<2>, default_value = "0.5,0.5", allow_hyphen_values = true)]
     pub shift: [f64; 2],
     /// Angle, degrees (positive from x to y).
     #[arg(long, default_value_t = 1.0, allow_hyphen_values = true)]
     pub degrees: f64,
     /// du_x/dx, du_x/dy, du_y/dx, du_y/dy.
-    #[arg(long, value_name = "a,b,c,d", value_parser = rectangle, default_value = "0.01,0,0,-0.003",
+    #[arg(long, value_name = "a,b,c,d", value_parser = numbers::<4>, default_value = "0.01,0,0,-0.003",
         allow_hyphen_values = true)]
     pub gradient: [f64; 4],
     /// Amplitude, px (default 1; star 0.5).
@@ -161,7 +159,6 @@ pub enum VirtualKinematics {
     Finite,
 }
 
-/// Arguments of `quadrille make virtual-test`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     quadrille make virtual-test --output test && quadrille run test/case.toml --output test/run\n  \
@@ -230,7 +227,6 @@ impl SpecimenName {
     }
 }
 
-/// Arguments of `quadrille make specimen`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     quadrille make specimen dcb --output dcb && quadrille simulate dcb/case.toml --output dcb/out\n\n\
@@ -273,7 +269,6 @@ pub struct SpecimenArgs {
     pub lever: Option<f64>,
 }
 
-/// Arguments of `quadrille make page`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     Draw on the first image of a folder; the case file is for all of them:\n    \

@@ -33,7 +33,6 @@ use std::ffi::OsString;
 #[command(after_help = "Start with `quadrille demo`, which needs no data, or with your own images:\n  \
     quadrille correlate --output out ref.tif 'frames/*.tif'")]
 pub struct Cli {
-    /// What to do.
     #[command(subcommand)]
     pub command: Command,
     /// Whether statuses are coloured: on a terminal (auto; not where NO_COLOR is set), always, or never.
@@ -91,7 +90,7 @@ pub enum Command {
 }
 
 /// The arguments with `every N` as one: a value of two words, which are told from the images that may follow.
-pub fn joined(arguments: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+pub fn join_every(arguments: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let mut joined: Vec<OsString> = Vec::new();
     for argument in arguments {
         match joined.as_mut_slice() {

@@ -2,20 +2,14 @@
 
 use super::fields::Target;
 use super::shared::Threads;
-use super::words::sbatch_option;
-use super::words::seconds;
-use super::words::slurm_time;
-use super::words::slurm_word;
-use crate::cli::frames::Frames;
+use super::words::{sbatch_option, seconds, slurm_time, slurm_word};
+use crate::cli::look::frames::Frames;
 use crate::run::Request;
-use clap::ArgAction;
-use clap::Args;
-use clap::ValueEnum;
+use clap::{ArgAction, Args, ValueEnum};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Arguments of `quadrille correlate`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     Whole image, first file is the reference:\n    \
@@ -40,19 +34,18 @@ use std::time::Duration;
     by Ctrl-C or SIGTERM.")]
 pub struct CorrelateArgs {
     /// A case file (TOML) that says the same; flags win.
-    #[arg(long, value_name = "FILE", help_heading = "Input")]
+    #[arg(long, value_name = "FILE")]
     pub case: Option<PathBuf>,
     /// Folder for the results; made when it is not there.
-    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
+    #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Replace the results of an earlier run in the output folder.
-    #[arg(long, conflicts_with_all = ["resume", "shard"], help_heading = "Output")]
+    #[arg(long, conflicts_with_all = ["resume", "shard"])]
     pub overwrite: bool,
     /// Continue the run in the output folder: do what is missing. This is the default; a run with other options
     /// or images is refused.
-    #[arg(long, hide_short_help = true, help_heading = "Output")]
+    #[arg(long, hide_short_help = true)]
     pub resume: bool,
-    /// What wins over the case file.
     #[command(flatten)]
     pub request: Request,
     /// Frames to draw at the end: 1,5-20, last, all. Into DIR/figures; `quadrille figures` draws more of them later.
@@ -110,15 +103,14 @@ pub struct CorrelateArgs {
 pub struct WatchArgs {
     /// Names of the files that are taken: a quoted glob. Default: those that end like an image (tif, tiff, btf, png,
     /// bmp, jpg, jpeg, pgm, ppm, pnm). Hidden files never are.
-    #[arg(long, value_name = "GLOB", help_heading = "Input")]
+    #[arg(long, value_name = "GLOB")]
     pub pattern: Option<String>,
     /// A file is taken when it has not changed for this long. Give more for network folders, which show changes late.
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "1", help_heading = "Input")]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "1")]
     pub settle: Duration,
     /// End when no file has arrived or changed for this long. Default: run until Ctrl-C.
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, help_heading = "Input")]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub timeout: Option<Duration>,
-    /// What is shared with `quadrille correlate`.
     #[command(flatten)]
     pub correlate: CorrelateArgs,
 }
@@ -132,7 +124,6 @@ pub enum ProgressKind {
     Json,
 }
 
-/// Arguments of `quadrille slurm`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     Eight tasks with four cores each; the printed commands submit them:\n    \
@@ -190,7 +181,6 @@ pub struct SlurmArgs {
     pub overwrite: bool,
 }
 
-/// Arguments of `quadrille status`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     How far a run is, while it runs or after it was stopped:\n    \

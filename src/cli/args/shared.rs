@@ -18,9 +18,8 @@ pub struct Threads {
 }
 
 impl Threads {
-    /// A pool of so many threads, or of one per core.
     pub fn pool(self) -> Result<ThreadPool> {
-        super::super::pool(self.threads)
+        crate::cli::pool(self.threads)
     }
 }
 

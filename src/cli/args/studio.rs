@@ -5,7 +5,6 @@ use crate::backend::choice::DeviceChoice;
 use clap::Args;
 use std::path::PathBuf;
 
-/// Arguments of `quadrille studio`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     The images of this folder:\n    \

@@ -1,7 +1,11 @@
 //! Words of the command line, read.
 
-use crate::io::case::flags::numbers;
 use std::time::Duration;
+
+/// `text` where it is `fine`, else what is `expected`.
+fn accept(fine: bool, text: &str, expected: &str) -> Result<String, String> {
+    if fine { Ok(text.to_owned()) } else { Err(expected.to_owned()) }
+}
 
 /// A time above zero.
 pub(super) fn seconds(text: &str) -> Result<Duration, String> {
@@ -37,29 +41,22 @@ pub(super) fn slurm_time(text: &str) -> Result<String, String> {
     let digits = |part: &&str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
     let fine =
         parts.len() <= 3 && days.iter().chain(&parts).all(digits) && parts[1..].iter().all(|part| part.len() <= 2);
-    match fine {
-        true => Ok(text.to_owned()),
-        false => Err("Slurm takes HH:MM:SS (04:00:00), D-HH:MM:SS (1-12:00:00), or minutes (240)".to_owned()),
-    }
+    accept(fine, text, "Slurm takes HH:MM:SS (04:00:00), D-HH:MM:SS (1-12:00:00), or minutes (240)")
 }
 
 /// A value of an option of sbatch: one word, so that it ends where it seems to.
 pub(super) fn slurm_word(text: &str) -> Result<String, String> {
     let fine = |c: char| c.is_ascii_alphanumeric() || "_-.,:+@%/=".contains(c);
-    match !text.is_empty() && text.chars().all(fine) {
-        true => Ok(text.to_owned()),
-        false => Err("one word of letters, digits and _-.,:+@%/= is expected".to_owned()),
-    }
+    let fine = !text.is_empty() && text.chars().all(fine);
+    accept(fine, text, "one word of letters, digits and _-.,:+@%/= is expected")
 }
 
 /// An option of sbatch as it stands in a script behind `#SBATCH`.
 pub(super) fn sbatch_option(text: &str) -> Result<String, String> {
     let plain = |c: char| c.is_ascii_graphic() || c == ' ';
-    match text.strip_prefix("--").is_some_and(|name| name.starts_with(|c: char| c.is_ascii_lowercase())) {
-        true if text.chars().all(plain) => Ok(text.to_owned()),
-        true => Err("an option on one line, in ASCII, is expected".to_owned()),
-        false => Err("an option of sbatch begins with two hyphens, as in --sbatch=--qos=long".to_owned()),
-    }
+    let is_long = text.strip_prefix("--").is_some_and(|name| name.starts_with(|c: char| c.is_ascii_lowercase()));
+    accept(is_long, text, "an option of sbatch begins with two hyphens, as in --sbatch=--qos=long")?;
+    accept(text.chars().all(plain), text, "an option on one line, in ASCII, is expected")
 }
 
 /// A parameter that is prescribed, and its values.
@@ -80,29 +77,14 @@ pub(super) fn sweep(text: &str) -> Result<Prescribed, String> {
 /// The name of a law; whether there is one the case says.
 pub(super) fn law(text: &str) -> Result<String, String> {
     let is_file = text.ends_with(".toml");
-    if is_file {
-        Err("a law is expected; the case file stands before --tournament".into())
-    } else {
-        Ok(text.to_owned())
-    }
-}
-
-pub(super) fn rectangle(text: &str) -> Result<[f64; 4], String> {
-    numbers(text)
+    accept(!is_file, text, "a law is expected; the case file stands before --tournament")
 }
 
 pub(super) fn two_zones(text: &str) -> Result<[String; 2], String> {
-    let [plus, minus] = text
-        .split(',')
-        .map(str::trim)
-        .collect::<Vec<_>>()
+    let names: Vec<String> = text.split(',').map(|name| name.trim().to_owned()).collect();
+    names
         .try_into()
-        .map_err(|names: Vec<_>| format!("'{text}' names {} zones instead of two: upper,lower", names.len()))?;
-    Ok([plus.to_owned(), minus.to_owned()])
-}
-
-pub(super) fn pair(text: &str) -> Result<[f64; 2], String> {
-    numbers(text)
+        .map_err(|names: Vec<_>| format!("'{text}' names {} zones instead of two: upper,lower", names.len()))
 }
 
 pub(super) fn size(text: &str) -> Result<[usize; 2], String> {

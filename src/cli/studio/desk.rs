@@ -2,24 +2,24 @@
 
 use super::folder::{self, Listed};
 use super::job::{Job, Wanted};
-use super::server::{Answer, Asked, Desk};
+use super::server::{Answer, Asked};
 use crate::cli::args::{Quiet, Threads, ViewArgs};
-use crate::cli::draw::drawn_in;
-use crate::cli::frames::Frames;
-use crate::cli::{Result, chain, view};
+use crate::cli::look::frames::Frames;
+use crate::cli::look::view;
+use crate::cli::make::page::read_drawn;
+use crate::cli::{Result, chain, file_name};
 use crate::field::Status;
 use crate::io::arrays::Values;
 use crate::io::case::CaseDocument;
 use crate::io::store::{Place, Store, Variable};
 use crate::report::Backdrop;
 use crate::report::view::{Drawing, Studio};
-use crate::run::check;
-use crate::run::{Checked, CheckedZone, Plan, Request, correlation_in, keeps_to};
+use crate::run::{Checked, CheckedZone, Plan, Request, RunError, check, correlation_in, keeps_to};
 use hyper::StatusCode;
 use rayon::ThreadPool;
 use serde::Deserialize;
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// How case files that are written here begin: others are not replaced.
@@ -31,9 +31,7 @@ const VIEW_MB: f64 = 15.0;
 pub(super) struct Studied {
     /// Without links.
     pub folder: PathBuf,
-    /// The case file.
     pub case: PathBuf,
-    /// Folder of the results.
     pub output: PathBuf,
     /// Device and the like.
     pub asked: Request,
@@ -42,10 +40,8 @@ pub(super) struct Studied {
     pub job: Arc<Job>,
 }
 
-/// What comes with a wish.
 #[derive(Deserialize)]
 struct Wish {
-    /// The case file.
     #[serde(default)]
     case: String,
     /// Whether results of another run are replaced.
@@ -53,8 +49,9 @@ struct Wish {
     replace: bool,
 }
 
-impl Desk for Studied {
-    fn answer(&self, asked: &Asked) -> Answer {
+impl Studied {
+    /// Answers a request that may be made.
+    pub fn answer(&self, asked: &Asked) -> Answer {
         let answered = match (asked.is_post, asked.path.as_str()) {
             (false, "") => self.page(asked.number("image")),
             (false, "state") => {
@@ -75,9 +72,7 @@ impl Desk for Studied {
         };
         answered.unwrap_or_else(|error| Answer::refused(StatusCode::UNPROCESSABLE_ENTITY, chain(error.as_ref())))
     }
-}
 
-impl Studied {
     fn wish(&self, asked: &Asked) -> Result<Wish> {
         Ok(serde_json::from_slice(&asked.body)?)
     }
@@ -100,23 +95,23 @@ impl Studied {
                 page: 0,
                 deformed: Vec::new(),
                 folder: self.folder.display().to_string(),
-                case: self.drawn(),
+                case: self.read_case(),
                 case_folder: None,
             },
             images: json!(images),
             image: shown,
             fault,
-            case: named(&self.case),
-            output: named(&self.output),
+            case: file_name(&self.case),
+            output: file_name(&self.output),
             has_results: self.results().is_some(),
         };
         Ok(Answer::html(page.html()))
     }
 
     /// The case file that is there, to go on with; nothing where it is none.
-    fn drawn(&self) -> Option<Value> {
+    fn read_case(&self) -> Option<Value> {
         let is_file = std::fs::symlink_metadata(&self.case).is_ok_and(|about| about.is_file());
-        is_file.then(|| drawn_in(&self.case).ok()).flatten()
+        is_file.then(|| read_drawn(&self.case).ok()).flatten()
     }
 
     /// The case with that text, as a correlation takes it, and whether it goes on to the law of an adhesive.
@@ -158,8 +153,8 @@ impl Studied {
         }
         let part = path.with_extension("toml.part");
         let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, path));
-        written.map_err(|error| format!("{}: cannot be written: {error}", path.display()))?;
-        Ok(Answer::json(&json!({ "written": named(path) })))
+        written.map_err(|error| RunError::file(path, "written", error))?;
+        Ok(Answer::json(&json!({ "written": file_name(path) })))
     }
 
     fn run(&self, wish: &Wish) -> Result<Answer> {
@@ -223,7 +218,6 @@ impl Studied {
         Ok(Answer::json(&json!({ "number": number, "fields": fields })))
     }
 
-    /// The page of the results.
     fn view(&self) -> Result<Answer> {
         self.results().ok_or("there are no results yet")?;
         let args = ViewArgs {
@@ -234,7 +228,7 @@ impl Studied {
             threads: self.threads,
             talk: Quiet { quiet: true },
         };
-        Ok(Answer::html(view::made(&args)?.html))
+        Ok(Answer::html(view::make_page(&args)?.html))
     }
 }
 
@@ -267,9 +261,4 @@ fn zone(zone: &CheckedZone) -> Value {
 fn rounded<'a>(numbers: impl Iterator<Item = &'a f64>, digits: i32) -> Vec<Option<f64>> {
     let scale = 10f64.powi(digits);
     numbers.map(|v| v.is_finite().then(|| (v * scale).round() / scale)).collect()
-}
-
-/// The last part of a path.
-fn named(path: &Path) -> String {
-    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }

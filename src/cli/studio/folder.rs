@@ -6,16 +6,13 @@ use crate::report::Backdrop;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Endings of images.
 const IMAGES: [&str; 8] = ["png", "tif", "tiff", "bmp", "jpg", "jpeg", "pgm", "pnm"];
-/// Images that are listed.
 const MOST: usize = 20_000;
 /// Pixels of the picture for one of a figure: zones are drawn to the pixel.
 const RATIO: u32 = 2;
 /// What a pattern gives a meaning to.
 const OF_PATTERNS: [char; 4] = ['*', '?', '[', ']'];
 
-/// An image of the folder.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Listed {
     /// Its name from the folder on, with `/`.
@@ -69,7 +66,6 @@ fn in_folder(root: &Path, folder: &Path) -> Vec<Listed> {
     entries(folder).into_iter().filter_map(listed).collect()
 }
 
-/// The picture of an image of the list.
 pub(super) fn backdrop(listed: &Listed) -> crate::cli::Result<Backdrop> {
     let image = Frame::file(listed.path.clone(), 0).read(Accepted::ANY)?.image;
     Ok(Backdrop::new(&image, RATIO))

@@ -14,11 +14,8 @@ const NEWS: Duration = Duration::from_secs(5);
 /// Frames that are told at once.
 const FRAMES_AT_ONCE: usize = 500;
 
-/// What is to be run.
 pub(super) struct Wanted {
-    /// The case file.
     pub case: PathBuf,
-    /// Folder of the results.
     pub output: PathBuf,
     /// Whether results of another run there are replaced.
     pub replace: bool,
@@ -29,7 +26,6 @@ pub(super) struct Wanted {
     pub pool: Arc<ThreadPool>,
 }
 
-/// How it goes.
 #[derive(Default)]
 struct Going {
     /// Rises with every change.
@@ -70,13 +66,11 @@ impl Job {
         self.going().running
     }
 
-    /// Frames that are done.
     pub fn n_done(&self) -> usize {
         let going = self.going();
         going.frames.iter().filter_map(|frame| frame["number"].as_u64()).max().unwrap_or(0) as usize
     }
 
-    /// Asks the run to stop.
     pub fn stop(&self) {
         self.change(|going| going.stop.ask());
     }

@@ -5,8 +5,9 @@ mod folder;
 mod job;
 mod server;
 
-use super::args::StudioArgs;
-use super::{Outcome, Result, devices, signals};
+use crate::cli::about::devices;
+use crate::cli::args::StudioArgs;
+use crate::cli::{Outcome, Result, signals};
 use crate::run::Request;
 use desk::Studied;
 use job::Job;
@@ -15,7 +16,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Runs the command.
 pub(super) fn run(args: &StudioArgs) -> Result<Outcome> {
     let given = &args.folder;
     let folder = given.canonicalize().map_err(|error| format!("{}: cannot be opened: {error}", given.display()))?;
@@ -52,7 +52,7 @@ pub(super) fn run(args: &StudioArgs) -> Result<Outcome> {
     }
     let stop = signals::listen()?;
     let job = Arc::clone(&studied.job);
-    server::serve(&listener, &token, &Arc::new(studied), || !stop.is_asked())?;
+    server::serve(&listener, &token, move |asked| studied.answer(asked), || !stop.is_asked())?;
     job.stop();
     // What is on the device is finished.
     while job.is_running() {

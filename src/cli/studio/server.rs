@@ -5,8 +5,10 @@
 
 use http_body_util::{BodyExt, Full, Limited};
 use hyper::body::{Bytes, Incoming};
-use hyper::header::{CACHE_CONTROL, CONTENT_TYPE, HOST, HeaderMap, HeaderValue, ORIGIN, REFERRER_POLICY};
-use hyper::header::{X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS};
+use hyper::header::{
+    CACHE_CONTROL, CONTENT_TYPE, HOST, HeaderMap, HeaderName, HeaderValue, ORIGIN, REFERRER_POLICY,
+    X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
+};
 use hyper::rt::ReadBufCursor;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
@@ -20,16 +22,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::task::{Context, Poll};
 use std::time::Duration;
 
-/// Bytes that a page may send.
 const MOST_BYTES: usize = 4 << 20;
-/// Requests at a time.
 const MOST_AT_ONCE: usize = 64;
 /// How long one may take to arrive, or to leave.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// How often is looked whether to go on.
 const EVERY: Duration = Duration::from_millis(100);
 
-/// What is asked.
 #[derive(Debug)]
 pub(super) struct Asked {
     /// What comes behind the token.
@@ -49,7 +48,6 @@ impl Asked {
     }
 }
 
-/// What is answered.
 #[derive(Debug)]
 pub(super) struct Answer {
     pub status: StatusCode,
@@ -72,21 +70,15 @@ impl Answer {
     }
 }
 
-/// What answers.
-pub(super) trait Desk: Send + Sync + 'static {
-    /// Answers a request that may be made.
-    fn answer(&self, asked: &Asked) -> Answer;
-}
-
-/// Answers until `on` says no.
+/// Has `answer` what may be asked until `on` says no.
 pub(super) fn serve(
     listener: &TcpListener,
     token: &str,
-    desk: &Arc<impl Desk>,
+    answer: impl Fn(&Asked) -> Answer + Send + Sync + 'static,
     on: impl Fn() -> bool,
 ) -> io::Result<()> {
     listener.set_nonblocking(true)?;
-    let token: Arc<str> = token.into();
+    let (token, answer): (Arc<str>, _) = (token.into(), Arc::new(answer));
     let at_once = Arc::new(AtomicUsize::new(0));
     while on() {
         let stream = match listener.accept() {
@@ -100,10 +92,10 @@ pub(super) fn serve(
             at_once.fetch_sub(1, Ordering::SeqCst);
             continue;
         }
-        let (token, desk, at_once) = (Arc::clone(&token), Arc::clone(desk), Arc::clone(&at_once));
+        let (token, answer, at_once) = (Arc::clone(&token), Arc::clone(&answer), Arc::clone(&at_once));
         std::thread::spawn(move || {
             // A browser that goes away is no matter.
-            let _ = one(stream, &token, &*desk);
+            let _ = answer_one(stream, &token, &*answer);
             at_once.fetch_sub(1, Ordering::SeqCst);
         });
     }
@@ -111,19 +103,20 @@ pub(super) fn serve(
 }
 
 /// Answers the one request of a connection.
-fn one(stream: TcpStream, token: &str, desk: &impl Desk) -> io::Result<()> {
+fn answer_one(stream: TcpStream, token: &str, answer: &impl Fn(&Asked) -> Answer) -> io::Result<()> {
     stream.set_nonblocking(false)?;
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
     stream.set_nodelay(true)?;
-    let service = service_fn(|request| async { Ok::<_, Infallible>(response(answer(request, token, desk).await)) });
+    let service = service_fn(|request| async { Ok::<_, Infallible>(response(checked(request, token, answer).await)) });
     // With half closed connections allowed nothing is read while an answer is made: reading waits here.
     let connection =
         http1::Builder::new().keep_alive(false).half_close(true).serve_connection(Blocking(stream), service);
     pollster::block_on(connection).map_err(io::Error::other)
 }
 
-async fn answer(request: Request<Incoming>, token: &str, desk: &impl Desk) -> Answer {
+/// What `answer` says to a request that may be made.
+async fn checked(request: Request<Incoming>, token: &str, answer: &impl Fn(&Asked) -> Answer) -> Answer {
     let is_post = request.method() == Method::POST;
     if !is_post && request.method() != Method::GET {
         return Answer::refused(StatusCode::METHOD_NOT_ALLOWED, "only GET and POST are answered");
@@ -137,7 +130,7 @@ async fn answer(request: Request<Incoming>, token: &str, desk: &impl Desk) -> An
     };
     let (path, query) = (path.to_owned(), request.uri().query().unwrap_or_default().to_owned());
     match Limited::new(request.into_body(), MOST_BYTES).collect().await {
-        Ok(body) => desk.answer(&Asked { path, query, is_post, body: body.to_bytes() }),
+        Ok(body) => answer(&Asked { path, query, is_post, body: body.to_bytes() }),
         Err(_) => Answer::refused(StatusCode::PAYLOAD_TOO_LARGE, "this is more than a case file can be"),
     }
 }
@@ -173,13 +166,12 @@ fn response(answer: Answer) -> Response<Full<Bytes>> {
         (REFERRER_POLICY, "no-referrer"),
         (X_CONTENT_TYPE_OPTIONS, "nosniff"),
         (X_FRAME_OPTIONS, "SAMEORIGIN"),
+        (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+        (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
     ];
     for (name, value) in said {
         response.headers_mut().insert(name, HeaderValue::from_static(value));
     }
-    let own = HeaderValue::from_static("same-origin");
-    response.headers_mut().insert("cross-origin-resource-policy", own.clone());
-    response.headers_mut().insert("cross-origin-opener-policy", own);
     response
 }
 

@@ -13,8 +13,8 @@ use crate::io::images::Accepted;
 use crate::io::npz::{NpzWriter, read_npz};
 use crate::io::series::Frame;
 use crate::mesh::Mesh;
-use crate::run::folder::run_folder::RunFolder;
-use crate::run::words::text::chain;
+use crate::run::folder::RunFolder;
+use crate::run::words::chain;
 use crate::units::Px;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -25,7 +25,6 @@ use std::sync::Arc;
 /// The state of a chain after a frame. That before the first frame is the default.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Kept {
-    /// The frame.
     pub number: usize,
     pub state: Arc<ChainState>,
     /// SHA-256 of the images that it needs, by frame.
@@ -42,9 +41,8 @@ impl Kept {
     }
 
     /// The image of frame `number`, whose file is `frame`, as it was when the frame was done.
-    ///
-    /// # Errors
-    /// An image that cannot be read any more or is another one: the frames that follow would not be those of this run.
+    /// Errors: an image that cannot be read any more or is another one: the frames that follow would not be those of
+    /// this run.
     pub fn image(
         &self,
         number: usize,
@@ -171,7 +169,6 @@ impl Kept {
     }
 }
 
-/// Numbers of frames.
 fn whole(numbers: impl IntoIterator<Item = usize>) -> Values {
     Values::U32(numbers.into_iter().map(|number| number as u32).collect())
 }

@@ -2,10 +2,9 @@
 //! ends.
 
 use crate::remark::Remark;
-use crate::run::plan::shard::Shard;
-use crate::run::words::error::{Result, RunError};
+use crate::run::plan::Shard;
 use crate::run::words::remarks::no_locks;
-use crate::run::words::text::absolute;
+use crate::run::words::{Result, RunError, absolute};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;
@@ -22,16 +21,12 @@ const PATIENCE: Duration = Duration::from_millis(300);
 /// A process that works on a run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Holder {
-    /// Name of the machine.
     pub host: String,
-    /// Number of the process there.
     pub pid: u32,
     /// When it began, seconds since 1970.
     pub since: u64,
-    /// Its share of the frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<String>,
-    /// The folder that it watches.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watches: Option<String>,
 }
@@ -60,7 +55,6 @@ fn now() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
 }
 
-/// Name of this machine, as far as it is known.
 fn host() -> String {
     let of_kernel = || fs::read_to_string("/proc/sys/kernel/hostname").ok();
     let of_shell = || ["HOSTNAME", "COMPUTERNAME"].into_iter().find_map(|name| std::env::var(name).ok());
@@ -79,9 +73,7 @@ pub(crate) struct Lock {
 impl Lock {
     /// Takes the run whose locks lie in `folder` (made when it is not there), or the share `shard` of it. Its images
     /// may come from a folder that it `watches`.
-    ///
-    /// # Errors
-    /// Another process that works on it, with its machine and number.
+    /// Errors: another process that works on it, with its machine and number.
     pub fn take(folder: &Path, shard: Option<Shard>, watches: Option<&Path>) -> Result<Self> {
         fs::create_dir_all(folder).map_err(|error| cannot(folder, error))?;
         let run = folder.join(RUN);
@@ -160,9 +152,9 @@ fn is_held(path: &Path) -> bool {
 /// Whether a lock failed because the file system has none: it says so itself, or its lock service does not answer, as
 /// that of an NFS server without `lockd`.
 fn without_locks(error: &std::io::Error) -> bool {
-    let no_lock_service = if cfg!(target_os = "linux") { Some(37) } else { None }; // ENOLCK
+    const ENOLCK: i32 = 37;
     error.kind() == std::io::ErrorKind::Unsupported
-        || (no_lock_service.is_some() && error.raw_os_error() == no_lock_service)
+        || (cfg!(target_os = "linux") && error.raw_os_error() == Some(ENOLCK))
 }
 
 fn open(path: &Path) -> Result<File> {
@@ -184,7 +176,6 @@ fn patiently(
     }
 }
 
-/// That somebody else works on the run of `folder`.
 fn busy(folder: &Path) -> RunError {
     let who: Vec<String> = holders(folder).iter().map(ToString::to_string).collect();
     let who = if who.is_empty() { "another process".to_owned() } else { who.join("; ") };

@@ -1,16 +1,38 @@
-//! What the steps of a run have written, read back.
+//! Files that a run writes whole, and what its steps have written, read back.
 
+use crate::field::Status;
 use crate::io::joint::read_table;
+use crate::io::store::Store;
 use crate::mechanics::Joint;
-use crate::run::words::error::{Result, RunError};
+use crate::run::words::{Result, RunError};
 use serde::de::DeserializeOwned;
 use std::fs;
 use std::path::Path;
 
-/// A JSON file.
+pub(crate) fn read_text(path: &Path) -> Result<String> {
+    fs::read_to_string(path).map_err(|error| RunError::file(path, "read", error))
+}
+
+pub(crate) fn write_file(path: &Path, content: impl AsRef<[u8]>) -> Result<()> {
+    fs::write(path, content).map_err(|error| RunError::file(path, "written", error))
+}
+
+pub(crate) fn make_folder(path: &Path) -> Result<()> {
+    fs::create_dir_all(path).map_err(|error| RunError::file(path, "made", error))
+}
+
 pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = fs::read_to_string(path).map_err(|error| RunError::file(path, "read", error))?;
+    let text = read_text(path)?;
     serde_json::from_str(&text).map_err(|source| RunError::Json { path: path.to_owned(), source })
+}
+
+/// The frames of a store that have such a status.
+pub(crate) fn frames_that(is_so: impl Fn(Option<Status>) -> bool, store: &Store) -> Result<Vec<usize>> {
+    let mut numbers = Vec::new();
+    for number in 1..=store.n_frames() {
+        numbers.extend(is_so(store.status(number)?).then_some(number));
+    }
+    Ok(numbers)
 }
 
 /// Displacements by instant and node.

@@ -12,9 +12,8 @@ use crate::io::series::Frame;
 use crate::io::store::{Store, StoreHeader};
 use crate::mesh::Mesh;
 use crate::report::summary::FrameSummary;
-use crate::run::folder::kept::Kept;
-use crate::run::folder::run_folder::RunFolder;
-use crate::run::words::error::{Result, RunError};
+use crate::run::folder::{Kept, RunFolder, csv_name, vtu_name};
+use crate::run::words::{Result, RunError};
 use crate::units::Px;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -28,9 +27,6 @@ use std::time::{Duration, SystemTime};
 const ON_DISK_AFTER: Duration = Duration::from_secs(60);
 /// Differences that are named.
 const NAMED: usize = 3;
-
-/// Names the file of a frame in the folder of its run.
-pub(crate) type Name = fn(usize) -> String;
 
 /// What is kept of a frame beside its field.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -120,9 +116,9 @@ pub(crate) struct Earlier {
 }
 
 impl Earlier {
-    /// The frames of `numbers` that are done, with every one of the `tables` where there is a field. Runs on the
-    /// threads of the pool it is called in.
-    pub fn find(store: &Store, folder: &Path, numbers: &[usize], tables: &[Name]) -> Self {
+    /// The frames of `numbers` that are done, with CSV and VTU files where these are wanted and there is a field. Runs
+    /// on the threads of the pool it is called in.
+    pub fn find(store: &Store, folder: &Path, numbers: &[usize], [csv, vtu]: [bool; 2]) -> Self {
         let written = |number: &usize| fs::metadata(store.status_file(*number)).and_then(|about| about.modified()).ok();
         let times: Vec<Option<SystemTime>> = numbers.par_iter().map(written).collect();
         let last = times.iter().flatten().max().copied();
@@ -137,7 +133,8 @@ impl Earlier {
             let whole = || {
                 let status = store.status(number).ok()??;
                 let record = FrameRecord::read(folder, number).filter(|record| record.summary.status == status)?;
-                let has_tables = || tables.iter().all(|table| record.bytes.contains_key(Path::new(&table(number))));
+                let has = |name: String| record.bytes.contains_key(Path::new(&name));
+                let has_tables = || (!csv || has(csv_name(number))) && (!vtu || has(vtu_name(number)));
                 let whole = record.is_whole(folder)
                     && (!status.has_field() || has_tables())
                     && (!is_new(time) || store.check(number).is_ok());

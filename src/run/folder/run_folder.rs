@@ -2,16 +2,15 @@
 
 use crate::field::{Elements, Measurement, Noise, StrainField};
 use crate::io::case::{CaseFile, parse_case};
-use crate::io::store::{STORE, StoreHeader, StoreWriter, remove_store};
+use crate::io::store::{STORE, StoreHeader, remove_store};
 use crate::io::{csv, vtk};
-use crate::run::words::error::{Result, RunError};
+use crate::report::Picture;
+use crate::run::words::{Result, RunError};
 use crate::units::Px;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-const CASE: &str = "run.toml";
-/// Folder of the correlation in that of the run.
 pub(crate) const CORRELATION: &str = "correlation";
 /// What the parameters are when the rigid motion is treated the other way.
 pub(crate) const RIGID_MOTION: &str = "rigid-motion.json";
@@ -26,7 +25,6 @@ pub(crate) const TOURNAMENT_TRACTIONS: &str = "tournament-tractions.csv";
 pub(crate) const FORCE: &str = "force.csv";
 /// The energy that flows to the front of the joint.
 pub(crate) const J_INTEGRAL: &str = "j-integral.csv";
-/// Folder of the pictures in that of a run.
 pub(crate) const FIGURES: &str = "figures";
 /// Folder of what a later start of the same run needs: locks, and a record of every frame.
 const RESTART: &str = "restart";
@@ -45,11 +43,12 @@ pub fn correlation_in(folder: &Path) -> PathBuf {
 pub struct RunFolder(PathBuf);
 
 impl RunFolder {
+    /// The options that were chosen, and the images.
+    pub(crate) const CASE: &str = "run.toml";
     /// What the frames of a run came to.
     pub(crate) const SUMMARY: &str = "summary.json";
     /// What was measured, to be looked at.
     pub(crate) const REPORT: &str = "report.html";
-    /// Folder of the records of the frames.
     pub(crate) const FRAMES: &str = "restart/frames";
     /// Folder of the states of a run whose reference is renewed.
     pub(crate) const CHAIN: &str = "restart/chain";
@@ -66,31 +65,21 @@ impl RunFolder {
 
     /// Makes the folder and checks that it can be written.
     pub fn writable(path: &Path) -> Result<Self> {
-        let cannot = |source: std::io::Error| RunError::Folder { folder: path.to_owned(), source };
-        if path.is_file() {
-            return Err(RunError::NoFolder { path: path.to_owned() });
-        }
-        fs::create_dir_all(path).map_err(cannot)?;
+        let folder = Self::for_export(path)?;
         // Of this process alone: others may try at the same time.
         let trial = path.join(format!("{TRIAL}{}", std::process::id()));
-        fs::write(&trial, b"").map_err(cannot)?;
-        fs::remove_file(&trial).map_err(cannot)?;
-        Ok(Self(path.to_owned()))
+        let tried = fs::write(&trial, b"").and_then(|()| fs::remove_file(&trial));
+        tried.map_err(|source| RunError::Folder { folder: path.to_owned(), source })?;
+        Ok(folder)
     }
 
-    /// Whether results of a run are in it.
     pub(crate) fn holds_run(&self) -> bool {
-        [CASE, Self::SUMMARY, STORE].iter().chain(&FITS).any(|name| self.0.join(name).exists())
+        [Self::CASE, Self::SUMMARY, STORE].iter().chain(&FITS).any(|name| self.has(name))
     }
 
     /// Why a run that is there is not replaced; and why it cannot be gone on with, when that was tried.
     pub(crate) fn holds_another(&self, why: Option<String>) -> RunError {
         RunError::HoldsAnother { folder: self.0.clone(), why }
-    }
-
-    /// Where its locks lie.
-    pub(crate) fn locks(&self) -> PathBuf {
-        locks_in(&self.0)
     }
 
     /// The folder `path`, made when it is not there, for files that are made again from a store.
@@ -102,6 +91,15 @@ impl RunFolder {
         Ok(Self(path.to_owned()))
     }
 
+    /// The folder `path` without results of an earlier run, which `overwrite` allows to remove, and with that of
+    /// figures; for a joint, where `vtu` with that of grids.
+    pub(crate) fn for_joint(path: &Path, overwrite: bool, vtu: bool) -> Result<Self> {
+        let folder = Self::open(path, overwrite)?;
+        folder.clear(false, vtu)?;
+        folder.make(FIGURES)?;
+        Ok(folder)
+    }
+
     /// Removes the results of an earlier run (and nothing else), and makes the folders of this one.
     pub(crate) fn clear(&self, csv: bool, vtu: bool) -> Result<()> {
         // First: while it is there, the folder shows that a run was here.
@@ -111,7 +109,7 @@ impl RunFolder {
             remove(&self.0.join(name))?;
         }
         remove_store(&self.0.join(STORE))?;
-        remove(&self.0.join(CASE))?;
+        remove(&self.0.join(Self::CASE))?;
         let numbered = [
             ("csv", &["csv"][..]),
             ("vtu", &["vtu"]),
@@ -149,7 +147,6 @@ impl RunFolder {
         }
     }
 
-    /// Makes the folders of the files of frames.
     pub(crate) fn make_folders(&self, csv: bool, vtu: bool) -> Result<()> {
         for (kind, wanted) in [("csv", csv), ("vtu", vtu), (Self::FRAMES, true)] {
             if wanted {
@@ -159,24 +156,12 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Makes the folder `name` in this one.
     pub(crate) fn make(&self, name: &str) -> Result<()> {
         fs::create_dir_all(self.0.join(name)).map_err(|e| failed(&self.0.join(name), e))
     }
 
-    /// Whether it has a `summary.json`.
-    pub(crate) fn has_summary(&self) -> bool {
-        self.0.join(Self::SUMMARY).exists()
-    }
-
-    /// Whether it has a `run.toml`.
-    pub(crate) fn has_case(&self) -> bool {
-        self.0.join(CASE).exists()
-    }
-
-    /// The store of the run, made when it is not there.
-    pub(crate) fn store(&self, header: &StoreHeader) -> Result<StoreWriter> {
-        Ok(StoreWriter::create_or_open(&self.0.join(STORE), header)?)
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.0.join(name).exists()
     }
 
     /// The folder.
@@ -185,7 +170,7 @@ impl RunFolder {
     }
 
     pub(crate) fn write_case(&self, text: &str) -> Result<()> {
-        self.write(CASE, |out| out.write_all(text.as_bytes()))
+        self.write(Self::CASE, |out| out.write_all(text.as_bytes()))
     }
 
     pub(crate) fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<()> {
@@ -199,32 +184,36 @@ impl RunFolder {
         self.write_json(Self::SUMMARY, summary)
     }
 
-    pub(crate) fn write_csv(
-        &self,
-        number: usize,
-        about: &About,
-        file: &str,
-        field: &Measurement<Px>,
-        strain: &StrainField,
-    ) -> Result<()> {
-        let head = about.table_head(number, file);
-        self.write(&csv_name(number), |out| {
-            csv::write_displacements(out, &head, field, Some(strain), about.header.pixel_size)
-        })
+    /// Writes a figure as PNG and SVG, where the folder of figures was made.
+    pub(crate) fn save_figure(&self, name: &str, picture: &Picture) -> Result<()> {
+        save_picture(&self.0.join(FIGURES), name, picture)
     }
 
-    pub(crate) fn write_vtu(
+    /// Writes what is wanted of the tables of frame `number`: its CSV file and its VTU file; gives their names.
+    pub(crate) fn write_tables(
         &self,
+        [csv, vtu]: [bool; 2],
         number: usize,
         about: &About,
         file: &str,
         field: &Measurement<Px>,
         strain: &StrainField,
-    ) -> Result<()> {
-        let title = format!("quadrille {}, frame {number}: {file}", about.header.quadrille);
-        self.write(&vtu_name(number), |out| {
-            vtk::write_vtu(out, &title, field, Some(strain), about.header.range_grey).map_err(std::io::Error::other)
-        })
+    ) -> Result<Vec<PathBuf>> {
+        let header = &about.header;
+        if csv {
+            let head = about.table_head(number, file);
+            self.write(&csv_name(number), |out| {
+                csv::write_displacements(out, &head, field, Some(strain), header.pixel_size)
+            })?;
+        }
+        if vtu {
+            let title = format!("quadrille {}, frame {number}: {file}", header.quadrille);
+            self.write(&vtu_name(number), |out| {
+                vtk::write_vtu(out, &title, field, Some(strain), header.range_grey).map_err(std::io::Error::other)
+            })?;
+        }
+        let names = [csv.then(|| csv_name(number)), vtu.then(|| vtu_name(number))];
+        Ok(names.into_iter().flatten().map(PathBuf::from).collect())
     }
 
     pub(crate) fn write_series(&self, numbers: &[usize]) -> Result<()> {
@@ -265,7 +254,7 @@ impl RunFolder {
 /// What the files of every frame say about their run; the same from a run and from its store.
 #[derive(Debug, Clone)]
 pub(crate) struct About {
-    header: StoreHeader,
+    pub header: StoreHeader,
     case: CaseFile,
 }
 
@@ -273,11 +262,6 @@ impl About {
     pub fn new(header: StoreHeader) -> Result<Self> {
         let case = parse_case(&header.case, Path::new(STORE))?;
         Ok(Self { header, case })
-    }
-
-    /// Size of the elements, px.
-    pub fn element_size_px(&self) -> f64 {
-        self.header.element_size_px
     }
 
     /// The comment lines of a table.
@@ -317,7 +301,11 @@ impl About {
     }
 }
 
-/// Where the locks of the run in `folder` lie.
+/// Writes `picture` as PNG and SVG into `folder`.
+pub(crate) fn save_picture(folder: &Path, name: &str, picture: &Picture) -> Result<()> {
+    ["png", "svg"].into_iter().try_for_each(|ending| Ok(picture.save(folder.join(format!("{name}.{ending}")))?))
+}
+
 pub(crate) fn locks_in(folder: &Path) -> PathBuf {
     folder.join(RESTART)
 }
@@ -331,12 +319,10 @@ pub(crate) fn frame_in_words(file: &str, reference_frame: usize) -> String {
     }
 }
 
-/// Name of the table of frame `number`.
 pub(crate) fn csv_name(number: usize) -> String {
     format!("csv/{number:06}.csv")
 }
 
-/// Name of the grid of frame `number`.
 pub(crate) fn vtu_name(number: usize) -> String {
     format!("vtu/{number:06}.vtu")
 }

@@ -1,15 +1,14 @@
 //! Which steps of a run were done, and with which inputs.
 
-use crate::run::folder::run_folder::RunFolder;
-use crate::run::plan::session::Outcome;
-use crate::run::words::error::{Result, RunError};
+use crate::run::folder::RunFolder;
+use crate::run::plan::Outcome;
+use crate::run::words::{Result, RunError};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// The file.
 const STEPS: &str = "steps.json";
 
 /// A step that was begun, or done.
@@ -21,13 +20,10 @@ pub(crate) struct Step {
     /// Whether all converged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     complete: Option<bool>,
-    /// Hash of what it was done with.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inputs: Option<String>,
-    /// Version that did it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     quadrille: Option<String>,
-    /// How long it took.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
 }
@@ -57,12 +53,10 @@ impl Steps {
         written.map_err(|error| RunError::file(&self.path, "written", error))
     }
 
-    /// Whether a step was done with these inputs.
     pub fn is_done(&self, step: &str, inputs: &str) -> bool {
         self.done.get(step).is_some_and(|step| step.inputs.as_deref() == Some(inputs))
     }
 
-    /// Forgets that a step was done.
     pub fn forget(&mut self, step: &str) -> Result<()> {
         self.done.remove(step);
         self.write()
@@ -80,7 +74,6 @@ impl Steps {
         Ok(before)
     }
 
-    /// Notes that a step is done.
     pub fn note(&mut self, step: &str, inputs: &str, begin: Instant, outcome: Outcome) -> Result<()> {
         let done = Step {
             begun: None,
@@ -93,7 +86,6 @@ impl Steps {
         self.write()
     }
 
-    /// What a step that was done came to.
     pub fn outcome(&self, step: &str) -> Outcome {
         let complete = self.done.get(step).is_some_and(|step| step.complete == Some(true));
         if complete { Outcome::Fine } else { Outcome::Incomplete }

@@ -1,21 +1,21 @@
 //! The store of a run: what it says of itself, made or found.
 
 use crate::correlate::Correlate;
-use crate::io::store::{Store, StoreHeader, StoreWriter};
-use crate::run::folder::run_folder::RunFolder;
-use crate::run::frames::reference::element_size_px;
-use crate::run::plan::resolved::Plan;
+use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
+use crate::run::folder::RunFolder;
+use crate::run::frames::element_size_px;
+use crate::run::plan::Plan;
 use crate::run::plan::run_toml::RunToml;
-use crate::run::words::error::Result;
+use crate::run::words::Result;
 
 /// The store of a run, made, or found and told of frames that have come since, when it is of the `same_run`.
-pub(crate) fn made_or_found(
+pub(crate) fn make_or_find(
     folder: &RunFolder,
     header: &StoreHeader,
     correlator: &dyn Correlate,
     same_run: impl Fn(&Store) -> Result<()>,
 ) -> Result<(StoreWriter, Store)> {
-    let writer = folder.store(header)?;
+    let writer = StoreWriter::create_or_open(&folder.path().join(STORE), header)?;
     let mut store = Store::open(writer.path())?;
     same_run(&store)?; // another shard may have made it in the meantime
     if store.n_frames() < header.frames.len() {

@@ -1,7 +1,7 @@
 //! How much the stages of a run have had to do.
 
 use crate::report::summary::FrameSummary;
-use crate::run::frames::pipeline::Widths;
+use crate::run::frames::Widths;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 

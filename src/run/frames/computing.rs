@@ -1,6 +1,6 @@
 //! Who computes for the threads of a run that write.
 
-use crate::run::frames::engine::Engine;
+use crate::run::frames::Engine;
 use rayon::ThreadPool;
 use std::time::{Duration, Instant};
 

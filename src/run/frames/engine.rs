@@ -7,7 +7,7 @@ use crate::field::Status;
 use crate::imaging::Image;
 use crate::mesh::Zone;
 use crate::remark::Remark;
-use crate::run::words::error::RunError;
+use crate::run::words::RunError;
 use crate::run::words::remarks::{device_failed, device_unprepared, device_wrong, noise_correlated, of_device};
 use rayon::ThreadPool;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -33,12 +33,11 @@ pub(crate) struct Engine {
     /// Whether it has been said that the noise is not white.
     colour_said: AtomicBool,
     /// What looks at frames of a graphics device, once one is to be looked at.
-    twin: OnceLock<std::result::Result<Arc<dyn Correlate>, CorrelationError>>,
+    twin: OnceLock<Result<Arc<dyn Correlate>, CorrelationError>>,
     /// The last frame that was looked at; 0 for none.
     looked_at: AtomicUsize,
 }
 
-/// The correlator in use.
 #[derive(Clone)]
 struct Current {
     /// How many there have been before it.
@@ -73,6 +72,9 @@ pub(crate) enum Failure {
     Over,
 }
 
+/// What comes of a frame.
+pub(crate) type Tried<T> = Result<T, Failure>;
+
 impl From<Failure> for RunError {
     fn from(failure: Failure) -> Self {
         match failure {
@@ -91,7 +93,7 @@ impl Engine {
         reference: Arc<Image>,
         zones: Vec<Zone>,
         options: Options,
-    ) -> std::result::Result<Self, CorrelationError> {
+    ) -> Result<Self, CorrelationError> {
         let mut remarks: Vec<Remark> = device.remark().map(of_device).into_iter().collect();
         let prepare = |device: &Device| prepare(device, reference.clone(), &zones, options.clone());
         let (device, correlator) = match prepare(&device) {
@@ -118,17 +120,18 @@ impl Engine {
         })
     }
 
-    /// The device that it began with.
+    fn prepare(&self, device: &Device) -> Result<Arc<dyn Correlate>, CorrelationError> {
+        prepare(device, self.reference.clone(), &self.zones, self.options.clone())
+    }
+
     pub fn first_device(&self) -> &str {
         &self.name
     }
 
-    /// The correlator in use.
     pub fn correlator(&self) -> Arc<dyn Correlate> {
         self.current().correlator
     }
 
-    /// Whether it works on the CPU.
     pub fn is_on_cpu(&self) -> bool {
         self.current().is_on_cpu
     }
@@ -137,12 +140,10 @@ impl Engine {
         self.current.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// What has been worth saying since the last call.
     pub fn take_remarks(&self) -> Vec<Remark> {
         std::mem::take(&mut *self.remarks.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Adds something worth saying.
     pub fn remark(&self, remark: Remark) {
         self.remarks.lock().unwrap_or_else(PoisonError::into_inner).push(remark);
     }
@@ -172,8 +173,8 @@ impl Engine {
         number: usize,
         image: &Arc<Image>,
         mut uploaded: Option<(usize, Uploaded)>,
-        mut work: impl FnMut(usize, &Arc<dyn Correlate>, Uploaded) -> std::result::Result<Correlation, Failure>,
-    ) -> std::result::Result<(Correlation, Arc<dyn Correlate>), Failure> {
+        mut work: impl FnMut(usize, &Arc<dyn Correlate>, Uploaded) -> Tried<Correlation>,
+    ) -> Tried<(Correlation, Arc<dyn Correlate>)> {
         let mut tried_again = false;
         loop {
             let Current { generation, correlator, is_on_cpu } = self.current();
@@ -212,11 +213,10 @@ impl Engine {
         number: usize,
         image: &Arc<Image>,
         result: &mut Correlation,
-    ) -> std::result::Result<(), BackendError> {
-        let prepare = || prepare(&self.device.on_cpu(), self.reference.clone(), &self.zones, self.options.clone());
-        let cpu = || pool.install(prepare);
+    ) -> Result<(), BackendError> {
+        let on_cpu = || pool.install(|| self.prepare(&self.device.on_cpu()));
         // What the CPU cannot prepare is no fault of the device.
-        let Ok(twin) = self.twin.get_or_init(cpu) else { return Ok(()) };
+        let Ok(twin) = self.twin.get_or_init(on_cpu) else { return Ok(()) };
         let start = result.next_start();
         let again = || twin.upload(image.clone()).and_then(|frame| twin.correlate_uploaded(frame, start.as_ref()));
         let Ok(again) = pool.install(again) else { return Ok(()) };
@@ -230,17 +230,12 @@ impl Engine {
     }
 
     /// Goes on with the CPU instead of the device of `generation`, unless another frame has done so.
-    fn distrust(
-        &self,
-        generation: usize,
-        number: usize,
-        error: &BackendError,
-    ) -> std::result::Result<(), CorrelationError> {
+    fn distrust(&self, generation: usize, number: usize, error: &BackendError) -> Result<(), CorrelationError> {
         let mut current = self.current.write().unwrap_or_else(PoisonError::into_inner);
         if current.generation == generation {
             self.remark(device_wrong(number, error, LOOKED_AT));
             let cpu = self.device.on_cpu();
-            *current = current.next(&cpu, prepare(&cpu, self.reference.clone(), &self.zones, self.options.clone())?);
+            *current = current.next(&cpu, self.prepare(&cpu)?);
         }
         Ok(())
     }
@@ -252,22 +247,21 @@ impl Engine {
         number: usize,
         error: &BackendError,
         tried_again: bool,
-    ) -> std::result::Result<(), CorrelationError> {
+    ) -> Result<(), CorrelationError> {
         let mut current = self.current.write().unwrap_or_else(PoisonError::into_inner);
         if current.generation != generation {
             return Ok(());
         }
-        let prepare = |device: &Device| prepare(device, self.reference.clone(), &self.zones, self.options.clone());
         if !tried_again && generation < FRESH_DEVICES {
             self.remark(device_failed(number, error, true));
-            if let Ok(correlator) = prepare(&self.device) {
+            if let Ok(correlator) = self.prepare(&self.device) {
                 *current = current.next(&self.device, correlator);
                 return Ok(());
             }
         }
         self.remark(device_failed(number, error, false));
         let cpu = self.device.on_cpu();
-        *current = current.next(&cpu, prepare(&cpu)?);
+        *current = current.next(&cpu, self.prepare(&cpu)?);
         Ok(())
     }
 }

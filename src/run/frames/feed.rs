@@ -1,12 +1,10 @@
 //! The frames that a run has to do.
 
 use crate::io::store::StoreWriter;
-use crate::run::frames::busy::Spent;
-use crate::run::frames::engine::Engine;
-use crate::run::frames::pipeline::Numbered;
+use crate::run::frames::{Engine, Numbered, Spent};
 use crate::run::plan::run_toml::RunToml;
 use crate::run::series::camera::Camera;
-use crate::run::words::error::Result;
+use crate::run::words::Result;
 use std::collections::VecDeque;
 use std::time::Instant;
 

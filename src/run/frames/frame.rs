@@ -6,10 +6,10 @@ use crate::imaging::{Blank, FlatBlocks, Image, Saturation};
 use crate::io::images::{Accepted, ReadError};
 use crate::io::series::Frame;
 use crate::report::summary::FrameSummary;
-use crate::run::folder::kept::Kept;
+use crate::run::folder::Kept;
 use crate::run::frames::relay::Known;
-use crate::run::plan::stop::Stop;
-use crate::run::words::error::Result;
+use crate::run::plan::Stop;
+use crate::run::words::Result;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -73,7 +73,6 @@ pub(crate) struct Picture {
     pub uploaded: Option<(usize, Uploaded)>,
 }
 
-/// A frame that is done.
 pub(crate) struct Done {
     pub sha256: Option<String>,
     pub summary: FrameSummary,
@@ -86,14 +85,8 @@ pub(crate) struct Done {
 }
 
 impl Done {
-    pub fn unreadable(
-        sha256: Option<String>,
-        number: usize,
-        file: String,
-        message: String,
-        seconds_decode: f64,
-    ) -> Self {
-        let summary = FrameSummary::unreadable(number, file, message, seconds_decode);
+    /// A frame that could not be read, or not be used.
+    pub fn unreadable(sha256: Option<String>, summary: FrameSummary) -> Self {
         Self { sha256, summary, result: None, news: Vec::new(), kept: None }
     }
 }

@@ -4,14 +4,11 @@ use crate::correlate::{Correlation, ZoneResult};
 use crate::field::{StartFrom, StrainField, StrainWindows};
 use crate::io::store::{Store, StoreWriter};
 use crate::report::summary::FrameSummary;
-use crate::run::folder::kept::Kept;
-use crate::run::folder::restart::FrameRecord;
-use crate::run::folder::run_folder::{About, RunFolder, csv_name, frame_in_words, vtu_name};
-use crate::run::frames::busy::Spent;
+use crate::run::folder::{About, FrameRecord, Kept, RunFolder, frame_in_words};
 use crate::run::frames::computing::Computing;
-use crate::run::frames::engine::Engine;
-use crate::run::plan::resolved::Plan;
-use crate::run::words::error::{Result, RunError, thread};
+use crate::run::frames::{Engine, Spent};
+use crate::run::plan::Plan;
+use crate::run::words::{Result, RunError, thread};
 use rayon::ThreadPool;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -29,7 +26,6 @@ pub(crate) struct ToWrite {
     pub kept: Option<Kept>,
 }
 
-/// Where the frames of a run go.
 pub(crate) struct Output<'a> {
     pub plan: &'a Plan,
     /// What computes, and the threads that it does so with.
@@ -46,15 +42,12 @@ pub(crate) struct Output<'a> {
     pub alone: bool,
     /// Frames with a field.
     pub in_series: Mutex<BTreeSet<usize>>,
-    /// Time spent with writing.
     pub writing: &'a Spent,
-    /// The frames as they come.
     pub to_write: Mutex<Receiver<ToWrite>>,
     /// Whether writing has failed: nothing more is to be begun.
     pub failed: &'a AtomicBool,
 }
 
-/// A thread that writes.
 type Writer<'scope> = ScopedJoinHandle<'scope, Result<()>>;
 
 /// Waits until `writers` have written all; the first of their errors.
@@ -98,7 +91,7 @@ impl<'a> Output<'a> {
         // A diverged field is no measurement: its numbers are not spread.
         if let Some(Correlation { measurement, zones, .. }) = result.as_ref().filter(|_| status.has_field()) {
             // The length is the one that the store says, to the last digit.
-            let length_px = about.element_size_px();
+            let length_px = about.header.element_size_px;
             let (strain, encoded) = computing.compute(|| {
                 let window = self.windows.as_ref().map(|windows| windows.of(measurement, plan.strain));
                 let strain = StrainField { length_px, window, ..StrainField::of(measurement, plan.strain) };
@@ -116,14 +109,8 @@ impl<'a> Output<'a> {
                 of_store.push(self.fields.reference_frame_file(number));
             }
             files.extend(of_store.iter().filter_map(|path| path.strip_prefix(folder.path()).ok()).map(Path::to_owned));
-            if plan.csv {
-                folder.write_csv(number, about, &file, measurement, &strain)?;
-                files.push(csv_name(number).into());
-            }
-            if plan.vtu {
-                folder.write_vtu(number, about, &file, measurement, &strain)?;
-                files.push(vtu_name(number).into());
-            }
+            let tables = [plan.csv, plan.vtu];
+            files.extend(folder.write_tables(tables, number, about, &file, measurement, &strain)?);
         }
         if let Some(Correlation { measurement, .. }) = result.as_ref().filter(|_| !status.has_field()) {
             store.write_residual(number, measurement)?;

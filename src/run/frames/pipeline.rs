@@ -6,11 +6,10 @@ use crate::imaging::{FlatBlocks, Saturation};
 use crate::io::images::{Accepted, Loaded, PagedFile, ReadError};
 use crate::io::series::Frame;
 use crate::io::watch::read_whole;
-use crate::run::frames::engine::Engine;
-use crate::run::frames::frame::{Decoded, Done, Frames, Picture};
 use crate::run::frames::relay::Relay;
 use crate::run::frames::worker::{Worker, correlate};
-use crate::run::words::error::{Result, RunError, thread};
+use crate::run::frames::{Decoded, Done, Engine, Frames, Picture};
+use crate::run::words::{Result, RunError, thread};
 use rayon::ThreadPool;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -43,7 +42,6 @@ pub(crate) struct Widths {
     pub written: usize,
 }
 
-/// How many frames are done at a time.
 pub(crate) fn widths(engine: &Engine, pool: &ThreadPool, start: StartFrom, update: UpdateReference) -> Widths {
     let threads = pool.current_num_threads();
     let [width, height] = engine.correlator().reference().size();

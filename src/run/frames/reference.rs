@@ -8,10 +8,9 @@ use crate::io::images::{Accepted, ReadError};
 use crate::io::series::Frame;
 use crate::mesh::{Mesh, MeshError};
 use crate::remark::Remark;
-use crate::run::plan::resolved::Plan;
-use crate::run::words::error::{Result, RunError};
+use crate::run::plan::Plan;
 use crate::run::words::remarks::{of_reference, reference_blurred};
-use crate::run::words::text::chain;
+use crate::run::words::{Result, RunError, chain};
 use crate::units::Px;
 
 /// The reference image, or the mean of several.
@@ -56,12 +55,10 @@ impl Reference {
             let mean = mean.get_or_insert_with(|| Mean::new(before));
             if !mean.add(&loaded.image) {
                 let size = |image: &Image| format!("{} x {} px", image.width(), image.height());
-                let sizes = [size(&loaded.image), size(before)];
-                return Err(format!(
-                    "{frame}: the image is {}, the reference {name} {}; the mean needs images of one size",
-                    sizes[0], sizes[1]
-                )
-                .into());
+                let [own, first] = [&loaded.image, before].map(size);
+                let what =
+                    format!("the image is {own}, the reference {name} {first}; the mean needs images of one size");
+                return Err(format!("{frame}: {what}").into());
             }
             if let Some([x, y]) = small_shift(before, &loaded.image)
                 && x.hypot(y) > Self::STILL_PX

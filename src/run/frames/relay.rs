@@ -47,7 +47,6 @@ struct State {
 }
 
 impl Relay {
-    /// Before the first frame.
     pub fn new(history: History) -> Self {
         let first = After { known: Arc::new(Known { history, number: 0 }), is_final: true };
         let after = BTreeMap::from([(0, first)]);

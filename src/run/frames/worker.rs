@@ -6,13 +6,12 @@ use crate::field::{StartFrom, UpdateReference};
 use crate::io::series::Frame;
 use crate::remark::Remark;
 use crate::report::summary::FrameSummary;
-use crate::run::folder::kept::Kept;
-use crate::run::frames::engine::{Engine, Failure};
-use crate::run::frames::frame::{Decoded, Done, Frames, Picture};
+use crate::run::folder::Kept;
+use crate::run::frames::engine::Tried;
 use crate::run::frames::relay::{Known, Relay, Turn};
-use crate::run::words::error::{Result, RunError};
+use crate::run::frames::{Decoded, Done, Engine, Failure, Frames, Picture};
 use crate::run::words::remarks::{of_image, of_tracking, reference_refused};
-use crate::run::words::text::chain;
+use crate::run::words::{Result, RunError, chain};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender};
@@ -40,7 +39,6 @@ pub(crate) struct Chain<'a> {
     chain: Option<(usize, ReferenceChain)>,
 }
 
-/// A frame that was correlated.
 struct Correlated {
     result: Correlation,
     correlator: Arc<dyn Correlate>,
@@ -99,13 +97,12 @@ impl<'a> Worker<'a> {
     }
 }
 
-/// Correlates a frame by itself.
 fn independent(
     engine: &Engine,
     pool: &ThreadPool,
     number: usize,
     Picture { image, uploaded, .. }: Picture,
-) -> std::result::Result<Correlated, Failure> {
+) -> Tried<Correlated> {
     let begin = Instant::now();
     let (result, correlator) = engine.correlate(pool, number, &image, uploaded, |_, correlator, frame| {
         Ok(pool.install(|| correlator.correlate_uploaded(frame, None))?)
@@ -122,7 +119,7 @@ fn track(
     turn: &Turn<'_>,
     number: usize,
     Picture { image, mut uploaded, .. }: Picture,
-) -> std::result::Result<(Correlated, Known), Failure> {
+) -> Tried<(Correlated, Known)> {
     let mut forecast = turn.forecast().ok_or(Failure::Over)?;
     loop {
         let known = frames.caught_up(&forecast, number)?;
@@ -163,7 +160,7 @@ impl Chain<'_> {
         number: usize,
         file: Frame,
         Picture { image, sha256, uploaded, .. }: Picture,
-    ) -> std::result::Result<Correlated, Failure> {
+    ) -> Tried<Correlated> {
         let begin = Instant::now();
         let Self { frames: Frames { update, accepted, .. }, kept, files, chain } = self;
         let mut refused = Vec::new();
@@ -236,11 +233,11 @@ fn one_frame<'a>(
     (frames, worker): (&Frames<'_>, &mut Worker<'a>),
     decoded: Decoded,
     turn: Option<Turn<'a>>,
-) -> std::result::Result<(Done, Option<Handing<'a>>), Failure> {
+) -> Tried<(Done, Option<Handing<'a>>)> {
     let Decoded { number, frame: source, loaded, saturation, blank, seconds: seconds_decode } = decoded;
     let file = source.to_string();
     // What has no field hands on what is known before it.
-    let without_field = |turn: Option<Turn<'a>>| -> std::result::Result<_, Failure> {
+    let without_field = |turn: Option<Turn<'a>>| -> Tried<_> {
         let Some(turn) = turn else { return Ok(None) };
         let known = frames.caught_up(&*turn.known().ok_or(Failure::Over)?, number)?;
         Ok(Some(Handing { turn, known, number, start: None }))
@@ -248,8 +245,8 @@ fn one_frame<'a>(
     let mut picture = match loaded {
         Ok(picture) => picture,
         Err(error) => {
-            let done = Done::unreadable(None, number, file, chain(&error), seconds_decode);
-            return Ok((done, without_field(turn)?));
+            let summary = FrameSummary::unreadable(number, file, chain(&error), seconds_decode);
+            return Ok((Done::unreadable(None, summary), without_field(turn)?));
         }
     };
     let (sha256, taken) = (Some(picture.sha256.clone()), picture.taken.take());
@@ -284,7 +281,8 @@ fn one_frame<'a>(
         }
         Err(Failure::Correlation(error)) if error.is_of_the_frame() => {
             let message = format!("{file}: {}", chain(&error));
-            Ok((Done::unreadable(sha256, number, file, message, seconds_decode), without_field(turn)?))
+            let summary = FrameSummary::unreadable(number, file, message, seconds_decode);
+            Ok((Done::unreadable(sha256, summary), without_field(turn)?))
         }
         Err(failure) => Err(failure),
     }

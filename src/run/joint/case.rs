@@ -12,33 +12,27 @@ use crate::io::series::Frame;
 use crate::io::store::{STORE, Store};
 use crate::report::fit::read_bands;
 use crate::report::identification::OtherRigidMotion;
-use crate::run::folder::run_folder::{CORRELATION, RIGID_MOTION, RunFolder, correlation_in};
+use crate::run::folder::read::{frames_that, write_file};
 use crate::run::folder::steps::Steps;
-use crate::run::joint::identification::{FIT, identify};
-use crate::run::joint::simulation::simulate;
+use crate::run::folder::{CORRELATION, RIGID_MOTION, RunFolder, correlation_in};
+use crate::run::joint::{FIT, identify, simulate};
 use crate::run::look::page::page;
 use crate::run::plan::rehearsal::rehearse;
-use crate::run::plan::request::Request;
-use crate::run::plan::resolved::Plan;
-use crate::run::plan::session::{Existing, Outcome, Session};
-use crate::run::plan::stop::Stop;
+use crate::run::plan::{Existing, Outcome, Plan, Request, Session, Stop};
 use crate::run::series::files::run_series;
-use crate::run::words::error::{Result, RunError};
-use crate::run::words::event::{Event, Watcher};
 use crate::run::words::remarks::{report_missing, zones_matched};
-use crate::run::words::text::{chain, plural};
+use crate::run::words::{Event, Result, Watcher, chain, plural};
 use rayon::ThreadPool;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-const REPORT: &str = "report.html";
 /// Stands for the inputs of a step that did not come to its end.
 const CUT_SHORT: &str = "cut short";
 
 /// What a run from images to the report is given.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct CaseRun {
     /// The case file.
     pub case: PathBuf,
@@ -61,16 +55,7 @@ pub struct CaseRun {
 impl CaseRun {
     /// The run of `case` into `output`, which continues what is there of it.
     pub fn new(case: impl Into<PathBuf>, output: impl Into<PathBuf>) -> Self {
-        Self {
-            case: case.into(),
-            output: output.into(),
-            overwrite: false,
-            device: DeviceChoice::Auto,
-            gpu: GpuOptions::default(),
-            stop: Stop::default(),
-            max_seconds: None,
-            max_evaluations: None,
-        }
+        Self { case: case.into(), output: output.into(), ..Self::default() }
     }
 }
 
@@ -78,7 +63,7 @@ impl CaseRun {
 /// there.
 ///
 /// # Errors
-/// See [`RunError`]. Frames and a fit that do not converge, and a model that the data reject, are results.
+/// See [`crate::run::RunError`]. Frames and a fit that do not converge, and a model that the data reject, are results.
 pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Result<Outcome> {
     let CaseRun { case: file, output, overwrite, device, gpu, stop, .. } = asked;
     let mut case = read_run_case(file)?;
@@ -117,13 +102,13 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
         steps.note("correlation", &inputs, begin, Outcome::Fine)?;
     }
 
-    let text = case.joint_case(&format!("{CORRELATION}/{STORE}"), true);
-    let text = if case.has_fit() { text } else { case.joint_case(&format!("{CORRELATION}/{STORE}"), false) };
-    let (name, step) =
-        if case.has_fit() { ("identify.toml", "identification") } else { ("simulate.toml", "simulation") };
-    let joint_case = output.join(name);
+    let text = case.joint_case(&format!("{CORRELATION}/{STORE}"), case.has_fit());
+    let (name, step, result) = match case.has_fit() {
+        true => ("identify.toml", "identification", FIT),
+        false => ("simulate.toml", "simulation", "solution.csv"),
+    };
+    let (joint_case, result) = (output.join(name), output.join(result));
     let inputs = sha256(format!("{}\n{inputs}\n{text}", env!("CARGO_PKG_VERSION")).as_bytes());
-    let result = output.join(if case.has_fit() { FIT } else { "solution.csv" });
     // A fit of an earlier version has no bands to draw.
     let has_bands = || !case.has_fit() || read_bands(&output.join("traction-bands.csv")).is_ok();
     let outcome = if steps.is_done(step, &inputs) && result.exists() && has_bands() {
@@ -131,7 +116,7 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
         steps.outcome(step)
     } else {
         steps.forget(step)?;
-        fs::write(&joint_case, &text).map_err(|error| RunError::file(&joint_case, "written", error))?;
+        write_file(&joint_case, &text)?;
         let begin = Instant::now();
         let (outcome, cut_short) = mechanics(&joint_case, output, case.has_fit(), pool, stop, watcher)?;
         // What its limit of time ended, or somebody, is not done: the same command tries again.
@@ -141,16 +126,16 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
 
     let (page, fault) = pool.install(|| page(file, output, &case, &joint_case, &steps))?;
     if let Some(error) = fault {
-        let what = format!("{REPORT} has no fields to look around in");
+        let what = format!("{} has no fields to look around in", RunFolder::REPORT);
         watcher(Event::Remark(&report_missing(&what, &error)));
     }
-    RunFolder::open(output, true)?.write(REPORT, |out| std::io::Write::write_all(out, page.as_bytes()))?;
-    let left_out = left_out(&correlation)?;
+    RunFolder::open(output, true)?.write(RunFolder::REPORT, |out| std::io::Write::write_all(out, page.as_bytes()))?;
+    let left_out = frames_that(|status| status != Some(Status::Converged), &Store::open(&correlation)?)?.len();
     if left_out > 0 {
         let line = format!("{} did not converge and are left out: see the report", plural(left_out, "frame"));
         watcher(Event::Note(&line));
     }
-    watcher(Event::Reported { page: &output.join(REPORT) });
+    watcher(Event::Reported { page: &output.join(RunFolder::REPORT) });
     Ok(if left_out > 0 && outcome == Outcome::Fine { Outcome::Incomplete } else { outcome })
 }
 
@@ -230,14 +215,4 @@ fn inputs_of(plan: &Plan) -> Result<String> {
     let options = crate::io::case::write_case(&plan.to_case_file());
     let about = format!("{} {:?} {}", env!("CARGO_PKG_VERSION"), plan.device, plan.isa.name());
     Ok(sha256(format!("{about}\n{options}\n{}", images.join("\n")).as_bytes()))
-}
-
-/// Frames of the correlation without a converged field.
-fn left_out(correlation: &Path) -> Result<usize> {
-    let store = Store::open(correlation)?;
-    let mut n = 0;
-    for number in 1..=store.n_frames() {
-        n += usize::from(store.status(number)? != Some(Status::Converged));
-    }
-    Ok(n)
 }

@@ -1,19 +1,15 @@
 //! The parameters of an adhesive from measured displacements: what `quadrille identify` does.
 
-use crate::identify::{Case, CutShort, Ended, FitStatus, fit, profile};
+use crate::identify::{Case, CutShort, Ended, Fit, FitStatus, fit, profile};
 use crate::io::joint::JointInput;
 use crate::report::Picture;
 use crate::report::fit::{FitRecord, FitReport};
 use crate::report::joint::JointReport;
-use crate::run::folder::run_folder::{FIGURES, FORCE, RunFolder};
-use crate::run::joint::simulation::{save, write_solution};
+use crate::run::folder::{FORCE, RunFolder};
 use crate::run::joint::tournament::compare_in;
-use crate::run::plan::session::Outcome;
-use crate::run::plan::stop::Stop;
-use crate::run::words::error::Result;
-use crate::run::words::event::{Event, Watcher};
-use crate::run::words::heard::Heard;
-use crate::run::words::text::absolute;
+use crate::run::joint::write_solution;
+use crate::run::plan::{Outcome, Stop};
+use crate::run::words::{Event, Heard, Result, Watcher, absolute};
 use rayon::ThreadPool;
 use std::path::Path;
 use std::time::Instant;
@@ -42,9 +38,7 @@ pub fn identify(
     let mut of_case = Case::new(&joint, input, case)?;
     // What hardly anything has is known before the fit, which may take long for that very reason.
     joint.remarks.iter().chain(&of_case.remarks).for_each(|remark| watcher(Event::Remark(remark)));
-    let folder = RunFolder::open(output, overwrite)?;
-    folder.clear(false, true)?;
-    folder.make(FIGURES)?;
+    let folder = RunFolder::for_joint(output, overwrite, true)?;
     let begin = Instant::now();
     let (heard, watch) = Heard::new(of_case.max_seconds, stop);
     of_case.problem.watch = watch.clone();
@@ -74,7 +68,7 @@ pub fn identify(
     if let Some(force) = &report.force {
         folder.write(FORCE, |out| force.write(out))?;
     }
-    let save = |name: String, picture: Picture| save(&folder, &name, &picture);
+    let save = |name: String, picture: Picture| folder.save_figure(&name, &picture);
     let asked = input.case.output.figures.as_deref();
     let chosen = JointReport::new(&joint, found.solution()).chosen(asked);
     report.draw(&chosen, save)?;
@@ -91,11 +85,15 @@ pub fn identify(
     folder.write_summary(&of_joint.summary(absolute(case), seconds, json.remarks.clone()))?;
     of_joint.draw(&chosen, save)?;
     watcher(Event::Identified { fit: &json, folder: output });
-    let trusted = found.status == FitStatus::Converged && found.cut_short.is_none() && !json.verdict.conditional;
-    let outcome = match found.cut_short {
-        Some(CutShort { ended: Ended::Stopped, .. }) => Outcome::Stopped,
-        _ if trusted => Outcome::Fine,
-        _ => Outcome::Incomplete,
-    };
+    let outcome = outcome_of(&found, &json);
     Ok((json, outcome))
+}
+
+/// What a fit came to whose record is `json`.
+pub(crate) fn outcome_of(fit: &Fit, json: &FitRecord) -> Outcome {
+    match &fit.cut_short {
+        Some(CutShort { ended: Ended::Stopped, .. }) => Outcome::Stopped,
+        None if fit.status == FitStatus::Converged && !json.verdict.conditional => Outcome::Fine,
+        _ => Outcome::Incomplete,
+    }
 }

@@ -5,3 +5,11 @@ pub(crate) mod identification;
 pub(crate) mod several;
 pub(crate) mod simulation;
 pub(crate) mod tournament;
+
+pub use case::{CaseRun, run_case};
+pub use identification::identify;
+pub(crate) use identification::{FIT, JOINT_SENSITIVITIES, LAW_SENSITIVITIES, outcome_of};
+pub use several::identify_several;
+pub use simulation::simulate;
+pub(crate) use simulation::write_solution;
+pub use tournament::compare_laws;

@@ -1,26 +1,19 @@
 //! One law from several tests: what `quadrille identify` does with a case of `[[test]]`.
 
-use crate::identify::{CombinedCase, CombinedFit, CutShort, Ended, FitError, FitStatus, fit_combined};
+use crate::identify::{CombinedCase, CombinedFit, FitError, fit_combined};
 use crate::io::joint::TestsInput;
 use crate::mechanics::{Joint, Solution};
 use crate::report::Picture;
 use crate::report::fit::{FitRecord, FitReport, several_json, several_page, write_tests};
 use crate::report::joint::JointReport;
-use crate::run::folder::run_folder::{FIGURES, FORCE, RunFolder};
-use crate::run::joint::identification::FIT;
-use crate::run::joint::simulation::{save, write_solution};
-use crate::run::plan::session::Outcome;
-use crate::run::plan::stop::Stop;
-use crate::run::words::error::{Result, RunError};
-use crate::run::words::event::{Event, Watcher};
-use crate::run::words::heard::Heard;
-use crate::run::words::text::absolute;
+use crate::run::folder::{FORCE, RunFolder};
+use crate::run::joint::{FIT, outcome_of, write_solution};
+use crate::run::plan::{Outcome, Stop};
+use crate::run::words::{Event, Heard, Result, RunError, Watcher, absolute};
 use rayon::ThreadPool;
 use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
-
-const REPORT: &str = "report.html";
 
 /// Fits one law to the tests of `input`, the case file `case`, and writes everything into `output`, what belongs to one
 /// test into its folder there: what `fit.json` holds, and whether the fit converged.
@@ -39,9 +32,7 @@ pub fn identify_several(
     let mut joints = CombinedCase::joints(input)?;
     let mut of_case = CombinedCase::new(&joints, input)?;
     of_case.remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
-    let folder = RunFolder::open(output, overwrite)?;
-    folder.clear(false, false)?;
-    folder.make(FIGURES)?;
+    let folder = RunFolder::for_joint(output, overwrite, false)?;
     let begin = Instant::now();
     let (heard, watch) = Heard::new(of_case.max_seconds, stop);
     of_case.tests.iter_mut().for_each(|test| test.case.problem.watch = watch.clone());
@@ -57,15 +48,13 @@ pub fn identify_several(
     write_common(&folder, &json, &found, &reports)?;
     let asked = input.output.figures.as_deref();
     for ((report, joint), test) in reports.iter().zip(&joints).zip(&found.tests) {
-        let own = RunFolder::open(&output.join(&test.share.name), true)?;
-        own.clear(false, true)?;
-        own.make(FIGURES)?;
+        let own = RunFolder::for_joint(&output.join(&test.share.name), true, true)?;
         own.write("traction-bands.csv", |out| report.write_bands(out))?;
         if let Some(force) = &report.force {
             own.write(FORCE, |out| force.write(out))?;
         }
         let chosen = JointReport::new(joint, test.fit.solution()).chosen(asked);
-        report.draw(&chosen, |name: String, picture: Picture| save(&own, &name, &picture))?;
+        report.draw(&chosen, |name: String, picture: Picture| own.save_figure(&name, &picture))?;
     }
     let of_tests = of_case.tests.iter().zip(&found.tests);
     let laws = of_tests
@@ -79,13 +68,7 @@ pub fn identify_several(
         write_test(&own, joint, test.fit.solution(), &absolute(case), seconds, asked)?;
     }
     watcher(Event::Identified { fit: &json, folder: output });
-    let fit = found.fit();
-    let trusted = fit.status == FitStatus::Converged && fit.cut_short.is_none() && !json.verdict.conditional;
-    let outcome = match fit.cut_short {
-        Some(CutShort { ended: Ended::Stopped, .. }) => Outcome::Stopped,
-        _ if trusted => Outcome::Fine,
-        _ => Outcome::Incomplete,
-    };
+    let outcome = outcome_of(found.fit(), &json);
     Ok((json, outcome))
 }
 
@@ -98,9 +81,9 @@ fn write_common(folder: &RunFolder, json: &FitRecord, found: &CombinedFit, repor
     folder.write("fit-history.csv", |out| first.write_history(out))?;
     folder.write("law.csv", |out| first.write_law(out))?;
     folder.write("budget.csv", |out| first.write_budget(out))?;
-    first.draw(&[], |name: String, picture: Picture| save(folder, &name, &picture))?;
+    first.draw(&[], |name: String, picture: Picture| folder.save_figure(&name, &picture))?;
     let page = several_page(json, reports)?.html();
-    folder.write(REPORT, |out| out.write_all(page.as_bytes()))
+    folder.write(RunFolder::REPORT, |out| out.write_all(page.as_bytes()))
 }
 
 /// The model of one test with the law that was found.
@@ -116,5 +99,5 @@ fn write_test(
     let report = JointReport { j_integrals: &j_integrals, ..JointReport::new(joint, solution) };
     write_solution(folder, &report)?;
     folder.write_summary(&report.summary(case.to_owned(), seconds, joint.remarks.clone()))?;
-    report.draw(&report.chosen(asked), |name, picture| save(folder, &name, &picture))
+    report.draw(&report.chosen(asked), |name, picture| folder.save_figure(&name, &picture))
 }

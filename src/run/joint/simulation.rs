@@ -5,16 +5,12 @@ use crate::io::case::CasePathControl;
 use crate::io::joint::{JointInput, read_joint};
 use crate::mechanics::{EnergyOptions, FollowOptions, Followed, ForwardOptions, Joint, PathEnd, Solution};
 use crate::remark::Remark;
+use crate::report::ForceRecord;
 use crate::report::joint::{JointReport, JointSummary};
-use crate::report::{ForceRecord, Picture};
-use crate::run::folder::run_folder::{FIGURES, FORCE, J_INTEGRAL, RunFolder};
-use crate::run::plan::session::Outcome;
-use crate::run::plan::stop::Stop;
-use crate::run::words::error::Result;
-use crate::run::words::event::{Event, Watcher};
-use crate::run::words::heard::Heard;
+use crate::run::folder::{FORCE, J_INTEGRAL, RunFolder};
+use crate::run::plan::{Outcome, Stop};
 use crate::run::words::remarks::{figure_missing, path_ended, path_goes_back};
-use crate::run::words::text::absolute;
+use crate::run::words::{Event, Heard, Result, Watcher, absolute};
 use rayon::ThreadPool;
 use std::path::Path;
 use std::time::Instant;
@@ -40,9 +36,7 @@ pub fn simulate(
     // Uncertainties that [substrate] may state are for `identify`.
     let mut joint = Case::joint(&input)?;
     let follow = follow_options(&input)?;
-    let folder = RunFolder::open(output, overwrite)?;
-    folder.clear(false, true)?;
-    folder.make(FIGURES)?;
+    let folder = RunFolder::for_joint(output, overwrite, true)?;
 
     let options = ForwardOptions {
         law_sensitivities: true,
@@ -65,7 +59,7 @@ pub fn simulate(
         Some(how) => {
             let found = heard
                 .during(pool, watcher, || joint.model.follow(&*joint.law, &joint.boundary, &options, &how, &go_on))?;
-            joint.remarks.extend(said_of_path(&found, n_instants)?);
+            joint.remarks.extend(remark_path(&found, n_instants)?);
             whole = matches!(found.end, PathEnd::Last | PathEnd::Rest);
             (times, joint.boundary) = (found.times, found.boundary);
             found.solution
@@ -98,7 +92,7 @@ pub fn simulate(
     write_solution(&folder, &report)?;
     write_loads(&folder, &report)?;
     folder.write_summary(&summary)?;
-    report.draw(&report.chosen(asked), |name, picture| save(&folder, &name, &picture))?;
+    report.draw(&report.chosen(asked), |name, picture| folder.save_figure(&name, &picture))?;
     watcher(Event::Simulated { summary: &summary, folder: output });
     let outcome = match solution.converged() && whole {
         true => Outcome::Fine,
@@ -115,7 +109,7 @@ fn write_loads(folder: &RunFolder, report: &JointReport<'_>) -> Result<()> {
     }
     if let Some(force) = report.force {
         folder.write(FORCE, |out| force.write(out))?;
-        save(folder, "force", &force.draw()?)?;
+        folder.save_figure("force", &force.draw()?)?;
     }
     Ok(())
 }
@@ -135,7 +129,7 @@ fn follow_options(input: &JointInput) -> Result<Option<FollowOptions>> {
 }
 
 /// What a user should know of a path: where it goes back, and how it ended.
-fn said_of_path(Followed { times, end, .. }: &Followed, n_instants: usize) -> Result<Vec<Remark>> {
+fn remark_path(Followed { times, end, .. }: &Followed, n_instants: usize) -> Result<Vec<Remark>> {
     if times.is_empty() {
         let what = "[path] control = \"arc-length\": no point was found; try a smaller step, or leave [path] out";
         return Err(what.into());
@@ -166,13 +160,6 @@ fn force(
     let record = comparison.map(|comparison| ForceRecord::of(&cell, &comparison, false));
     remarks.extend(record.as_ref().and_then(|record| record.remark.clone()));
     Ok(record)
-}
-
-/// Writes a figure as PNG and SVG.
-pub(crate) fn save(folder: &RunFolder, name: &str, picture: &Picture) -> Result<()> {
-    let path = folder.path().join(FIGURES);
-    picture.save(path.join(format!("{name}.png")))?;
-    Ok(picture.save(path.join(format!("{name}.svg")))?)
 }
 
 /// Tables and grids.

@@ -5,14 +5,9 @@ use crate::io::joint::JointInput;
 use crate::remark::Remark;
 use crate::report::Picture;
 use crate::report::tournament::{TournamentRecord, TournamentReport};
-use crate::run::folder::run_folder::{FIGURES, RunFolder, TOURNAMENT, TOURNAMENT_PAGE, TOURNAMENT_TRACTIONS};
-use crate::run::joint::simulation::save;
-use crate::run::plan::session::Outcome;
-use crate::run::plan::stop::Stop;
-use crate::run::words::error::Result;
-use crate::run::words::event::{Event, Watcher};
-use crate::run::words::heard::Heard;
-use crate::run::words::text::absolute;
+use crate::run::folder::{FIGURES, RunFolder, TOURNAMENT, TOURNAMENT_PAGE, TOURNAMENT_TRACTIONS};
+use crate::run::plan::{Outcome, Stop};
+use crate::run::words::{Event, Heard, Result, Watcher, absolute};
 use rayon::ThreadPool;
 use std::path::Path;
 use std::time::Instant;
@@ -35,8 +30,7 @@ pub fn compare_laws(
     let mut of_case = Case::new(&joint, input, case)?;
     let remarks: Vec<Remark> = joint.remarks.iter().chain(&of_case.remarks).cloned().collect();
     remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
-    let folder = RunFolder::open(output, overwrite)?;
-    folder.clear(false, false)?;
+    let folder = RunFolder::for_joint(output, overwrite, false)?;
     compare_in(&mut of_case, &folder, absolute(case), remarks, pool, stop, watcher)
 }
 
@@ -58,7 +52,7 @@ pub(crate) fn compare_in(
     let report = TournamentReport::new(&found, name, of_case.about.clone(), begin.elapsed().as_secs_f64(), remarks);
     folder.write_json(TOURNAMENT, &report.record)?;
     folder.write(TOURNAMENT_TRACTIONS, |out| report.write_tractions(out))?;
-    report.draw(|name: String, picture: Picture| save(folder, &name, &picture))?;
+    report.draw(|name: String, picture: Picture| folder.save_figure(&name, &picture))?;
     let page = report.page()?.html();
     folder.write(TOURNAMENT_PAGE, |out| std::io::Write::write_all(out, page.as_bytes()))?;
     watcher(Event::Compared { tournament: &report.record, folder: folder.path() });

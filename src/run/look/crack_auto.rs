@@ -5,10 +5,9 @@ use crate::imaging::Image;
 use crate::io::case::{CaseCrack, CrackPath, parse_case};
 use crate::io::store::Store;
 use crate::mesh::{Crack, MeshError, Zone};
-use crate::run::frames::reference::about_reference;
-use crate::run::plan::resolved::Plan;
-use crate::run::words::error::Result;
-use crate::run::words::text::{chain, ranges};
+use crate::run::frames::about_reference;
+use crate::run::plan::Plan;
+use crate::run::words::{Result, chain, ranges};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -47,7 +46,8 @@ fn find(plan: &mut Plan, there: Option<&Store>, reference: &Arc<Image>, zones: &
     plan.crack_auto = true;
     if let Some(there) = there {
         // Of a run without a search the differences will be told.
-        plan.drawn.cracks = cracks_of(there);
+        let case = parse_case(&there.header().case, Path::new("run.toml"));
+        plan.drawn.cracks = case.map(|case| case.cracks).unwrap_or_default();
         return Ok(Searched::default());
     }
     if let Some(zone) = zones.iter().find(|zone| zone.elements.is_some()) {
@@ -80,7 +80,7 @@ fn find(plan: &mut Plan, there: Option<&Store>, reference: &Arc<Image>, zones: &
         let search = search_cracks(reference, &image, &zones, guard, &mut correlate)
             .map_err(|error| about_reference(plan, &error))?;
         if !search.cracks.is_empty() {
-            plan.drawn.cracks.extend(named(&wanted, &search.cracks, plan.drawn.cracks.len()));
+            plan.drawn.cracks.extend(name_cracks(&wanted, &search.cracks, plan.drawn.cracks.len()));
             let found = search.cracks.iter().map(|crack| about_found(crack, number)).collect();
             return Ok(Searched { found, notes });
         }
@@ -100,13 +100,8 @@ fn numbers(n: usize) -> Vec<usize> {
     numbers
 }
 
-/// The cracks of the run in a store.
-fn cracks_of(there: &Store) -> Vec<CaseCrack> {
-    parse_case(&there.header().case, Path::new("run.toml")).map(|case| case.cracks).unwrap_or_default()
-}
-
 /// The cracks that were found, with what was `wanted` of them beside the path; `before` others there are already.
-fn named(wanted: &CaseCrack, found: &[FoundCrack], before: usize) -> Vec<CaseCrack> {
+fn name_cracks(wanted: &CaseCrack, found: &[FoundCrack], before: usize) -> Vec<CaseCrack> {
     let name = |k: usize| match (&wanted.name, k) {
         (Some(name), 0) => Some(name.clone()),
         (Some(name), k) => Some(format!("{name}-{}", k + 1)),

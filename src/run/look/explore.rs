@@ -7,9 +7,8 @@ use crate::io::store::{Place, Store, Variable};
 use crate::report::page::{Block, Page, Section};
 use crate::report::view::{Column, Head, Layer, On, Packed, View, ViewFrame};
 use crate::report::{Backdrop, Palette};
-use crate::run::look::fit_of_run::{FitOfRun, Off};
-use crate::run::words::error::Result;
-use crate::run::words::text::plural;
+use crate::run::look::{FitOfRun, Off};
+use crate::run::words::{Result, file_name, plural};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -84,7 +83,7 @@ impl Explored<'_> {
         }
         let subtitle = format!(
             "reference {}; quadrille {}; px of the reference image, x to the right, y down",
-            header.reference.first().map(|path| name(path)).unwrap_or_default(),
+            header.reference.first().map(file_name).unwrap_or_default(),
             header.quadrille
         );
         let head = Head { title, subtitle, lead };
@@ -154,7 +153,7 @@ impl Explored<'_> {
         let header = self.store.header();
         let frame = |&(number, status): &Listed| ViewFrame {
             number,
-            file: header.frames.get(number - 1).map(|file| name(file)).unwrap_or_default(),
+            file: header.frames.get(number - 1).map(file_name).unwrap_or_default(),
             status,
             packed: shown.remove(&number),
         };
@@ -181,11 +180,6 @@ impl Explored<'_> {
             law: self.fit.map(FitOfRun::view),
         }
     }
-}
-
-/// The name of a file, without folders.
-fn name(path: &str) -> String {
-    Path::new(path).file_name().map_or(path.to_owned(), |name| name.to_string_lossy().into_owned())
 }
 
 /// Bytes of base64 for so many.

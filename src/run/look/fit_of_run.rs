@@ -11,10 +11,10 @@ use crate::report::fit::{
 };
 use crate::report::identification::measured_mm;
 use crate::report::view::LawView;
-use crate::run::folder::read::{fields, read_json};
-use crate::run::folder::run_folder::correlation_in;
-use crate::run::joint::identification::{FIT, JOINT_SENSITIVITIES, LAW_SENSITIVITIES};
-use crate::run::words::error::Result;
+use crate::run::folder::correlation_in;
+use crate::run::folder::read::{fields, frames_that, read_json};
+use crate::run::joint::{FIT, JOINT_SENSITIVITIES, LAW_SENSITIVITIES};
+use crate::run::words::Result;
 use crate::units::{Mm, PixelSize, Px, Vector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::collections::BTreeMap;
@@ -105,12 +105,7 @@ pub fn model_less_measured(folder: &Path) -> Result<Option<Off>> {
     let store = Store::open(&correlation)?;
     let Some(pixel_size) = store.header().pixel_size else { return Ok(None) };
     let joint = Joint::new(&read_joint(&case)?)?;
-    let mut converged = Vec::new();
-    for number in 1..=store.n_frames() {
-        if store.status(number)? == Some(Status::Converged) {
-            converged.push(number);
-        }
-    }
+    let converged = frames_that(|status| status == Some(Status::Converged), &store)?;
     let computed = fields(folder, &joint, converged.len())?;
     let mut off = Off::new();
     for (at, (&number, computed)) in converged.iter().zip(&computed).enumerate() {

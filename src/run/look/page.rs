@@ -16,16 +16,15 @@ use crate::report::identification::{IdentificationReport, OtherRigidMotion};
 use crate::report::page::Page;
 use crate::report::summary::Summary;
 use crate::report::tournament::{TournamentRecord, TournamentReport};
-use crate::run::folder::read::{fields, read_json};
+use crate::run::folder::read::{fields, frames_that, read_json};
 use crate::run::folder::record::Record;
-use crate::run::folder::run_folder::{RIGID_MOTION, TOURNAMENT, TOURNAMENT_TRACTIONS, correlation_in};
 use crate::run::folder::steps::Steps;
-use crate::run::joint::identification::FIT;
+use crate::run::folder::{RIGID_MOTION, TOURNAMENT, TOURNAMENT_TRACTIONS, correlation_in};
+use crate::run::joint::FIT;
 use crate::run::look::explore::Explored;
-use crate::run::look::fit_of_run::{FitOfRun, Off, off_at};
-use crate::run::words::error::{Result, RunError};
+use crate::run::look::{FitOfRun, Off, off_at};
 use crate::run::words::remarks::zones_matched;
-use crate::run::words::text::{absolute, chain};
+use crate::run::words::{Result, RunError, absolute, chain, file_name};
 use crate::units::Px;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -76,13 +75,12 @@ pub(crate) fn page(
         let (seconds, inputs) = (entry.seconds.unwrap_or(0.0), entry.inputs.as_deref().unwrap_or(""));
         provenance.push((format!("step {step}"), format!("{seconds:.2} s; inputs {inputs}")));
     }
-    let short =
-        |path: &str| Path::new(path).file_name().map_or(path.to_owned(), |name| name.to_string_lossy().into_owned());
-    let hashes = header.reference.iter().zip(&header.reference_sha256).map(|(file, hash)| (short(file), hash.clone()));
+    let hashes =
+        header.reference.iter().zip(&header.reference_sha256).map(|(file, hash)| (file_name(file), hash.clone()));
     provenance.extend(hashes);
     for number in 1..=store.n_frames() {
         let of_frame = header.frames.get(number - 1).zip(store.frame_sha256(number));
-        provenance.extend(of_frame.map(|(file, hash)| (short(file), hash.to_owned())));
+        provenance.extend(of_frame.map(|(file, hash)| (file_name(file), hash.to_owned())));
     }
     let mut remarks: Vec<Remark> = case.notes.iter().map(|note| zones_matched(note)).collect();
     for remark in joint.remarks.iter().chain(fit.iter().flat_map(|fit| &fit.remarks)) {
@@ -94,7 +92,7 @@ pub(crate) fn page(
     let other = folder.join(RIGID_MOTION);
     let other: Option<OtherRigidMotion> = if other.exists() { Some(read_json(&other)?) } else { None };
     let report = IdentificationReport {
-        case: file.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+        case: file_name(file),
         reference: &reference,
         correlation: &correlation,
         pixel_size,
@@ -128,10 +126,7 @@ fn look_around(
     frames: &[(usize, Measurement<Px>)],
     computed: &[Vec<[f64; 2]>],
 ) -> Result<()> {
-    let mut numbers = Vec::new();
-    for number in 1..=store.n_frames() {
-        numbers.extend(store.status(number)?.filter(|status| status.has_field()).map(|_| number));
-    }
+    let numbers = frames_that(|status| status.is_some_and(Status::has_field), store)?;
     let (fit, fault) = match FitOfRun::read(folder) {
         Ok(fit) => (fit, None),
         Err(error) => (None, Some(chain(&error))),

@@ -10,20 +10,17 @@ use crate::io::quantities::{QUANTITY_TABLES, QuantitySummary, QuantityTables};
 use crate::io::store::Store;
 use crate::mesh::Mesh;
 use crate::run::folder::record::Record;
-use crate::run::words::error::{Result, RunError};
+use crate::run::words::{Result, RunError};
 use crate::units::{PixelSize, Px};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::Path;
 
-/// Name of the folder of the tables.
 pub(crate) const FOLDER: &str = "quantities";
 
 /// What is asked for, on a mesh.
-///
-/// # Errors
-/// Numbers that mean nothing, names that come twice, zones that are not there or do not face each other, an opening
+/// Errors: numbers that mean nothing, names that come twice, zones that are not there or do not face each other, an opening
 /// while the motion of each zone is removed.
 pub(crate) fn resolve(
     asked: &CaseQuantities,
@@ -102,9 +99,7 @@ pub(crate) fn resolve(
 }
 
 /// The load file that is asked for, a row for each frame; nothing without one.
-///
-/// # Errors
-/// A file that cannot be read or joined, and times that are missing or given twice.
+/// Errors: a file that cannot be read or joined, and times that are missing or given twice.
 pub(crate) fn load(asked: &CaseQuantities, n_frames: usize) -> Result<LoadTable> {
     let Some(load) = &asked.load else { return Ok(LoadTable::default()) };
     Ok(read_as_asked(load, n_frames)?)

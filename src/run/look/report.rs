@@ -8,11 +8,10 @@ use crate::io::store::Store;
 use crate::report::Backdrop;
 use crate::report::correlation::{CorrelationReport, DrawnFrame, SAMPLED, SeriesPoint, choose_frames, spread};
 use crate::report::summary::Summary;
-use crate::run::folder::run_folder::RunFolder;
+use crate::run::folder::RunFolder;
 use crate::run::look::explore::Explored;
-use crate::run::plan::resolved::Plan;
-use crate::run::words::error::{Result, RunError};
-use crate::run::words::text::absolute;
+use crate::run::plan::Plan;
+use crate::run::words::{Result, RunError, absolute};
 use std::io::Write;
 use std::path::Path;
 

@@ -6,10 +6,9 @@ use crate::io::case::{CaseGuard, CaseZone};
 use crate::io::images::{png_bytes, sha256};
 use crate::mesh::{Guard, Mask, Mesh, MeshError, Roi, Zone};
 use crate::report::{Backdrop, MeshOptions, mesh_figure};
-use crate::run::folder::run_folder::FIGURES;
-use crate::run::plan::resolved::Plan;
-use crate::run::words::error::{Result, RunError};
-use crate::run::words::text::absolute;
+use crate::run::folder::FIGURES;
+use crate::run::plan::Plan;
+use crate::run::words::{Result, RunError, absolute, file_name};
 use crate::units::{PixelSize, Px};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,10 +17,8 @@ use std::sync::Arc;
 const GUARD_PX: f64 = 3.0;
 /// Begins the names of masks.
 const MASK: &str = "zone";
-/// The picture of the zones.
 const PICTURE: &str = "mesh.png";
 
-/// Zones that were found in the reference.
 #[derive(Debug)]
 pub(crate) struct Found {
     pub zones: Vec<Zone>,
@@ -66,9 +63,16 @@ impl Found {
         let mut found = Self { zones: Vec::new(), cases: Vec::new(), masks: Vec::new(), note: String::new() };
         for (at, part) in parts.iter().enumerate() {
             let name = if parts.len() == 1 { "specimen".to_owned() } else { format!("specimen{}", at + 1) };
+            let [x0, y0, x1, y1] = part.bounds;
+            let (left, right) = whole_elements(x0, x1, width, size, margin);
+            let (top, bottom) = whole_elements(y0, y1, height, size, margin);
+            let roi = [left, top, right, bottom];
             match &part.bits {
-                None => found.rectangle(name, part.bounds, [width, height], size, margin, guard),
-                Some(_) => found.mask(name, part, reference, [size, margin], guard, folder)?,
+                None => {
+                    let at_margin = [x0 == margin, y0 == margin, x1 + margin == width, y1 + margin == height];
+                    found.rectangle(name, roi, at_margin, guard);
+                }
+                Some(_) => found.mask(name, part, reference, roi, guard, folder)?,
             }
         }
         let percent = |part: &&SpecimenPart| format!("{:.0} %", 100.0 * part.n_pixels as f64 / (width * height) as f64);
@@ -85,22 +89,9 @@ impl Found {
         Ok(found)
     }
 
-    /// A zone that is all of its box: whole elements in the middle of it, and a guard where it does not end at the
-    /// margin.
-    fn rectangle(
-        &mut self,
-        name: String,
-        [x0, y0, x1, y1]: [usize; 4],
-        [width, height]: [usize; 2],
-        size: usize,
-        margin: usize,
-        guard: Option<f64>,
-    ) {
-        let beside = |is_margin: bool| if is_margin { 0.0 } else { GUARD_PX };
-        let sides = [x0 == margin, y0 == margin, x1 + margin == width, y1 + margin == height].map(beside);
-        let ((left, right), (top, bottom)) =
-            (whole_elements(x0, x1, width, size, margin), whole_elements(y0, y1, height, size, margin));
-        let roi = Roi { x0: left, y0: top, x1: right, y1: bottom };
+    /// A zone that is all of its box, and a guard at those of its sides that do not end at the margin.
+    fn rectangle(&mut self, name: String, roi: [f64; 4], at_margin: [bool; 4], guard: Option<f64>) {
+        let sides = at_margin.map(|at_margin| if at_margin { 0.0 } else { GUARD_PX });
         let (guard, guard_px) = match guard {
             Some(guard) => (Guard::All(guard), Some(CaseGuard::All(guard))),
             None if sides == [0.0; 4] => (Guard::default(), None),
@@ -109,9 +100,8 @@ impl Found {
                 (Guard::Sides(sides.to_vec()), Some(CaseGuard::Rectangle { left, top, right, bottom }))
             }
         };
-        self.zones.push(Zone { guard, ..Zone::rectangle(name.clone(), roi) });
-        let roi = Some([left, top, right, bottom]);
-        self.cases.push(CaseZone { name: Some(name), roi, guard_px, ..CaseZone::default() });
+        self.zones.push(Zone { guard, ..Zone::rectangle(name.clone(), in_px(roi)) });
+        self.cases.push(CaseZone { name: Some(name), roi: Some(roi), guard_px, ..CaseZone::default() });
     }
 
     /// A zone of any shape, by its mask.
@@ -120,15 +110,11 @@ impl Found {
         name: String,
         part: &SpecimenPart,
         image: &Image,
-        [size, margin]: [usize; 2],
+        roi: [f64; 4],
         guard: Option<f64>,
         folder: &Path,
     ) -> Result<()> {
         let (width, height) = (image.width(), image.height());
-        let [x0, y0, x1, y1] = part.bounds;
-        let ((left, right), (top, bottom)) =
-            (whole_elements(x0, x1, width, size, margin), whole_elements(y0, y1, height, size, margin));
-        let roi = Roi { x0: left, y0: top, x1: right, y1: bottom };
         let pixels = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
         let bits: Vec<bool> = pixels().map(|(x, y)| part.contains(x, y)).collect();
         let levels = bits.iter().map(|&bit| if bit { u8::MAX } else { 0 }).collect();
@@ -139,14 +125,12 @@ impl Found {
         self.masks.push((path.clone(), png_bytes(&drawn)?));
         let guard = guard.unwrap_or(GUARD_PX);
         let mask = Mask::new(width, height, bits).map(Arc::new);
-        self.zones.push(Zone { mask, guard: Guard::All(guard), ..Zone::rectangle(name.clone(), roi) });
+        self.zones.push(Zone { mask, guard: Guard::All(guard), ..Zone::rectangle(name.clone(), in_px(roi)) });
         let (mask, guard_px) = (Some(absolute(&path)), Some(CaseGuard::All(guard)));
-        let roi = Some([left, top, right, bottom]);
-        self.cases.push(CaseZone { name: Some(name), roi, mask, guard_px, ..CaseZone::default() });
+        self.cases.push(CaseZone { name: Some(name), roi: Some(roi), mask, guard_px, ..CaseZone::default() });
         Ok(())
     }
 
-    /// The masks with their SHA-256.
     pub fn files(&self) -> Vec<(PathBuf, String)> {
         self.masks.iter().map(|(path, bytes)| (path.clone(), sha256(bytes))).collect()
     }
@@ -163,6 +147,10 @@ impl Found {
         }
         Ok(())
     }
+}
+
+fn in_px([x0, y0, x1, y1]: [f64; 4]) -> Roi {
+    Roi { x0, y0, x1, y1 }
 }
 
 /// An extent from `low` to `high`, cut to whole elements at the margin of the image: there an element that is half
@@ -217,8 +205,7 @@ pub(crate) fn draw(plan: &Plan, image: &Image, prepared: &Reference, folder: &Pa
         let [x, y] = [width, height].map(|n| n as f64 * pixel.mm_per_px());
         format!("field of view {} x {} mm ({size})", digits(x), digits(y))
     });
-    let name = plan.reference_name();
-    let name = Path::new(&name).file_name().map_or(name.clone(), |name| name.to_string_lossy().into_owned());
+    let name = file_name(plan.reference_name());
     let guard_of = |zone: &CaseZone| match zone.guard_px {
         Some(CaseGuard::All(guard)) => guard,
         _ => 0.0,

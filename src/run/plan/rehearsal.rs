@@ -11,10 +11,9 @@ use crate::io::joint::{
 use crate::io::run_case::RunCase;
 use crate::mesh::PixelMesh;
 use crate::remark::{Code, Remark};
-use crate::run::frames::reference::{Reference, about_reference};
-use crate::run::plan::resolved::Plan;
-use crate::run::plan::zones::Zones;
-use crate::run::words::error::{Result, RunError};
+use crate::run::frames::{Reference, about_reference};
+use crate::run::plan::{Plan, Zones};
+use crate::run::words::{Result, RunError};
 use crate::units::PixelSize;
 
 /// Opening at the last instant of what is made up, by the thickness of the adhesive: enough to be no rigid motion.
@@ -24,9 +23,7 @@ const SIGMA_PX: f64 = 0.01;
 
 /// Refuses what would be refused after the correlation, and gives what would be warned of whatever is measured: lengths
 /// and materials that hardly anything has.
-///
-/// # Errors
-/// Zones without elements, faces that do not pair, a border that does not hold the joint, and all that
+/// Errors: zones without elements, faces that do not pair, a border that does not hold the joint, and all that
 /// [`Case::joint`] and [`Case::new`] refuse.
 pub(crate) fn rehearse(case: &RunCase, plan: &Plan) -> Result<Vec<Remark>> {
     if plan.options.elements == Elements::CubicSpline {
@@ -38,7 +35,7 @@ pub(crate) fn rehearse(case: &RunCase, plan: &Plan) -> Result<Vec<Remark>> {
     }
     let Some(scale) = plan.pixel_size else { return Ok(Vec::new()) };
     let path = case.text.path();
-    let run = made_up(case, plan, scale)?;
+    let run = make_up(case, plan, scale)?;
     let mut mesh = run.mesh.clone();
     let text = case.joint_case("measured", case.has_fit());
     let mut of_joint = CaseDocument::parse(&text, path)?.joint()?;
@@ -65,7 +62,7 @@ pub(crate) fn rehearse(case: &RunCase, plan: &Plan) -> Result<Vec<Remark>> {
 
 /// What the correlation would give if the joint opened a little.
 #[expect(clippy::indexing_slicing, reason = "numbers of nodes and zones of one mesh")]
-fn made_up(case: &RunCase, plan: &Plan, scale: PixelSize) -> Result<JointRun> {
+fn make_up(case: &RunCase, plan: &Plan, scale: PixelSize) -> Result<JointRun> {
     let Reference { image, .. } = Reference::of(plan)?;
     let (size, options) = ([image.width(), image.height()], &plan.options);
     let zones = Zones::on(&plan.zones, options.element_size, size)?.zones;

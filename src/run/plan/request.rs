@@ -3,7 +3,7 @@
 use crate::backend::choice::DeviceChoice;
 use crate::backend::gpu::GpuOptions;
 use crate::io::case::{CaseCorrelation, CaseImages, CrackFlags, ZoneFlags};
-use crate::run::plan::shard::Shard;
+use crate::run::plan::Shard;
 use std::fmt;
 use std::str::FromStr;
 

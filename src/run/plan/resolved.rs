@@ -3,7 +3,9 @@
 use crate::backend::choice::{Device, DeviceChoice};
 use crate::backend::gpu::GpuOptions;
 use crate::correlate::{Options, Regularisation};
-use crate::field::{Elements, RegularisationKind, StartFrom, StrainDefinition, StrainWindow, UpdateReference};
+use crate::field::{
+    Elements, RegularisationKind, StartFrom, StrainDefinition, StrainWindow, StrainWindows, UpdateReference,
+};
 use crate::io::case::{
     CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseReport, CaseZone, Pages, ZoneFlags, complete,
     over,
@@ -12,12 +14,11 @@ use crate::io::images::{Accepted, pages_of};
 use crate::io::series::{Frame, expand_references, expand_series};
 use crate::io::store::StoreHeader;
 use crate::isa::Isa;
-use crate::run::plan::request::{Export, Request};
+use crate::mesh::Mesh;
 use crate::run::plan::wanted::{resolved_zones, wanted_cracks, wanted_zones};
-use crate::run::plan::which_reference;
-use crate::run::words::error::Result;
-use crate::run::words::text::absolute;
-use crate::units::PixelSize;
+use crate::run::plan::{Export, Request, which_reference};
+use crate::run::words::{Result, absolute};
+use crate::units::{PixelSize, Px};
 use std::path::{Path, PathBuf};
 
 /// From more frames than these only the store is written, unless tables are asked for.
@@ -98,10 +99,8 @@ impl Plan {
         let wanted = over(&asked.images, &case.images)?;
         let (given, regularisation) = correlation_of(asked, case)?;
         let options = options_of(&given, regularisation, case, reference.len())?;
-        let pixel_size = match wanted.pixel_size_mm {
-            Some(mm) => Some(PixelSize::new(mm).ok_or(format!("the pixel size is {mm} mm; give a positive number"))?),
-            None => None,
-        };
+        let size = |mm| PixelSize::new(mm).ok_or(format!("the pixel size is {mm} mm; give a positive number"));
+        let pixel_size = wanted.pixel_size_mm.map(size).transpose()?;
         if asked.shard.is_some() && options.start == StartFrom::Previous {
             return Err("--shard needs --start independent: the frames before are done by other processes".into());
         }
@@ -162,7 +161,7 @@ impl Plan {
             export_asked: asked.export.is_some(),
             store_only,
             setup: case.report.clone(),
-            drawn: CaseQuantities { cracks: wanted_cracks(&asked.cracks, case, pixel_size)?, ..drawn(case) },
+            drawn: CaseQuantities { cracks: wanted_cracks(&asked.cracks, case, pixel_size)?, ..quantities_of(case) },
             left_out,
         };
         if zone_found {
@@ -190,6 +189,11 @@ impl Plan {
     /// None of that name.
     pub fn device_of(&self, work: u64) -> Result<Device> {
         Ok(Device::new(&self.device, self.isa, self.gpu.clone(), work)?)
+    }
+
+    /// What makes the strains over a window of nodes of `mesh`, where one is asked for.
+    pub(crate) fn strain_windows(&self, mesh: &Mesh<Px>) -> Option<StrainWindows> {
+        self.strain_window.map(|window| StrainWindows::new(mesh, window, self.options.is_held()))
     }
 
     /// The reference in words: its file, or the first of several.
@@ -295,7 +299,6 @@ fn correlation_of(asked: &Request, case: &CaseFile) -> Result<(CaseCorrelation, 
     Ok((CaseCorrelation { poisson, ..complete(&given)? }, regularisation))
 }
 
-/// The options of the correlation that its section asks for.
 fn options_of(
     given: &CaseCorrelation,
     regularisation: Regularisation,
@@ -324,9 +327,7 @@ fn options_of(
 }
 
 /// What images may be.
-///
-/// # Errors
-/// A number of pixels that cannot be counted.
+/// Errors: a number of pixels that cannot be counted.
 pub(crate) fn accepted_images(images: &CaseImages) -> Result<Accepted> {
     let most = Accepted::MOST_MPX;
     match images.max_image_mpx {
@@ -350,7 +351,6 @@ pub fn strain_window(nodes: Option<u32>) -> Result<Option<StrainWindow>> {
     }
 }
 
-/// The regularisation that is asked for.
 fn regularisation(
     &CaseCorrelation { regularisation, cutoff_px, poisson, .. }: &CaseCorrelation,
 ) -> Result<Regularisation> {
@@ -382,7 +382,7 @@ fn regularisation(
 }
 
 /// What the case draws from the fields, with load files that are found from anywhere.
-fn drawn(case: &CaseFile) -> CaseQuantities {
+fn quantities_of(case: &CaseFile) -> CaseQuantities {
     let mut drawn = case.drawn();
     if let Some(load) = &mut drawn.load {
         load.file = absolute(Path::new(&load.file));

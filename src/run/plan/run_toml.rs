@@ -4,8 +4,9 @@ use crate::correlate::Reference;
 use crate::io::case::{CaseFile, CaseImages, write_case};
 use crate::io::series::Frame;
 use crate::report::summary::units;
-use crate::run::plan::resolved::{self as plan, Plan};
-use crate::run::words::text::absolute;
+use crate::run::plan::Plan;
+use crate::run::plan::resolved as plan;
+use crate::run::words::absolute;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -66,7 +67,7 @@ impl RunToml {
 
     /// The case file with the record of the run but for its images: the store names them beside it.
     pub fn without_images(&self) -> String {
-        self.written(None)
+        self.text(None)
     }
 
     /// The case file with the record of the run, and the deformed images that were come to, with their SHA-256.
@@ -78,10 +79,10 @@ impl RunToml {
             let frame = self.deformed.get(number - 1)?;
             Some(Self::entry(&frame.path, page(frame), sha256.as_deref()))
         });
-        self.written(Some(references.chain(deformed).collect()))
+        self.text(Some(references.chain(deformed).collect()))
     }
 
-    fn written(&self, images: Option<toml::value::Array>) -> String {
+    fn text(&self, images: Option<toml::value::Array>) -> String {
         let mut about = self.about.clone();
         if let Some(images) = images {
             about.insert("image".into(), toml::Value::Array(images));

@@ -1,9 +1,8 @@
 //! How a plan is carried out, and what comes of it.
 
 use crate::report::summary::Summary;
-use crate::run::frames::busy::Busy;
-use crate::run::plan::shard::Shard;
-use crate::run::plan::stop::Stop;
+use crate::run::frames::Busy;
+use crate::run::plan::{Shard, Stop};
 
 /// What to do about results that are there already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

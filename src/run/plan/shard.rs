@@ -21,7 +21,6 @@ impl Shard {
         (number - 1) % self.n == self.i - 1
     }
 
-    /// Name of its lock.
     pub(crate) fn lock_name(self) -> String {
         format!("{}{}-of-{}", Self::LOCK, self.i, self.n)
     }

@@ -1,8 +1,7 @@
 //! Zones and cracks that a request and a case file ask for together.
 
 use crate::io::case::{CaseCrack, CaseFile, CaseZone, CrackFlags, CrackPath, ZoneFlags, over};
-use crate::run::words::error::Result;
-use crate::run::words::text::absolute;
+use crate::run::words::{Result, absolute};
 use crate::units::PixelSize;
 use std::path::Path;
 
@@ -100,7 +99,6 @@ pub(crate) fn resolved_zones(wanted: &[CaseZone]) -> Vec<CaseZone> {
     wanted.iter().enumerate().map(complete).collect()
 }
 
-/// The name of the zone number `at`.
 pub(crate) fn name_of(at: usize, zone: &CaseZone) -> String {
     zone.name.clone().unwrap_or_else(|| format!("zone{}", at + 1))
 }

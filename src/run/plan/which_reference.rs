@@ -1,29 +1,11 @@
 //! Which file of a series is the reference, when nobody says: what the names of the files have to say about it.
 
-use crate::run::words::error::RunError;
+use crate::run::words::RunError;
 use std::path::{Path, PathBuf};
 
 /// Words in a name that say it shows the specimen before the test.
-const SAYS_REFERENCE: &[&str] = &[
-    "ref",
-    "reference",
-    "refimage",
-    "refimg",
-    "refframe",
-    "referenz",
-    "unloaded",
-    "undeformed",
-    "unstrained",
-    "unstressed",
-    "undamaged",
-    "initial",
-    "zero",
-    "static",
-    "baseline",
-    "unbelastet",
-    "unverformt",
-    "nullbild",
-];
+const SAYS_REFERENCE: &str = "ref reference refimage refimg refframe referenz unloaded undeformed unstrained unstressed \
+     undamaged initial zero static baseline unbelastet unverformt nullbild";
 /// Endings of files that lie beside images and are none.
 const NO_IMAGE: &[&str] = &[
     "txt", "csv", "tsv", "dat", "md", "rst", "log", "json", "toml", "yaml", "yml", "xml", "ini", "cfg", "html", "htm",
@@ -58,20 +40,16 @@ fn begins_as_image(path: &Path) -> bool {
 }
 
 /// Whether the names of the files contradict that the first of them is the reference.
-///
-/// # Errors
-/// [`RunError::WhichReference`] with the file that says so.
+/// Errors: [`RunError::WhichReference`] with the file that says so.
 pub(crate) fn check(files: &[PathBuf]) -> Result<(), RunError> {
     let Some((first, others)) = files.split_first() else { return Ok(()) };
     let own = words(first, first);
-    let says = |words: &[String]| words.iter().any(|word| SAYS_REFERENCE.contains(&word.as_str()));
-    let named = if says(&own) {
-        None // the first one says so itself
-    } else {
-        let by_word = others.iter().find(|file| says(&words(file, first)));
-        by_word.or_else(|| others.iter().find(|file| is_zero_of(file, first)))
-    };
-    match named {
+    let says = |words: &[String]| words.iter().any(|word| SAYS_REFERENCE.split(' ').any(|says| says == word));
+    if says(&own) {
+        return Ok(()); // the first one says so itself
+    }
+    let by_word = others.iter().find(|file| says(&words(file, first)));
+    match by_word.or_else(|| others.iter().find(|file| is_zero_of(file, first))) {
         Some(named) => Err(RunError::WhichReference { first: first.clone(), named: named.clone() }),
         None => Ok(()),
     }

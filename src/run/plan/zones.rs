@@ -6,10 +6,10 @@ use crate::io::mask::read_mask;
 use crate::io::mesh_file::read_mesh;
 use crate::mesh::{Crack, Guard, Mask, MeshError, Zone, ZoneElements};
 use crate::remark::Remark;
+use crate::run::plan::Plan;
 use crate::run::plan::found::Found;
-use crate::run::plan::resolved::Plan;
 use crate::run::plan::wanted::name_of;
-use crate::run::words::error::Result;
+use crate::run::words::Result;
 use crate::run::words::remarks::{of_zone_file, zones_found};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -129,9 +129,7 @@ impl Zones {
 }
 
 /// Cuts the zones along cracks whose path is known.
-///
-/// # Errors
-/// A zone with elements of its own.
+/// Errors: a zone with elements of its own.
 pub(crate) fn cut(zones: &mut [Zone], cracks: &[CaseCrack]) -> Result<()> {
     if cracks.is_empty() {
         return Ok(());

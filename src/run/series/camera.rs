@@ -6,10 +6,9 @@ use crate::io::series::{Frame, natural_order};
 use crate::io::store::{STORE, StoreHeader};
 use crate::io::watch::{WatchedFolder, read_whole};
 use crate::remark::Remark;
-use crate::run::plan::resolved::Images;
-use crate::run::words::error::Result;
+use crate::run::plan::Images;
 use crate::run::words::remarks::{folder_unreadable, frame_late};
-use crate::run::words::text::{chain, plural};
+use crate::run::words::{Result, chain, plural};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -23,7 +22,6 @@ const ATTENTION: Duration = Duration::from_millis(50);
 #[derive(Debug)]
 pub(crate) struct Camera {
     watched: WatchedFolder,
-    /// Page of each file.
     page: usize,
     accepted: Accepted,
     timeout: Option<Duration>,
@@ -31,7 +29,6 @@ pub(crate) struct Camera {
     come: VecDeque<Frame>,
     /// The last of the frames that were taken in their order.
     last: Option<PathBuf>,
-    /// When to look again.
     next_look: Instant,
     /// Why the folder could not be listed when it was looked at last.
     fault: Option<Remark>,
@@ -151,21 +148,18 @@ impl Camera {
         self.next_look = self.next_look.max(Instant::now() + time);
     }
 
-    /// What has been worth saying since the last call.
     pub fn take_remarks(&mut self) -> Vec<Remark> {
         std::mem::take(&mut self.remarks)
     }
 
     /// What to say at the end, whether a signal or the time-out was that.
     pub fn ending(&self, stopped: bool) -> Vec<String> {
-        let mut lines = Vec::new();
         let folder = self.folder().display();
-        let time = self.timeout.unwrap_or_default().as_secs_f64();
-        lines.push(if stopped {
-            format!("stopped watching {folder}; the same command resumes with what has arrived by then")
-        } else {
-            format!("nothing new in {folder} for {time} s; the same command resumes with what has arrived by then")
-        });
+        let how = match stopped {
+            true => format!("stopped watching {folder}"),
+            false => format!("nothing new in {folder} for {} s", self.timeout.unwrap_or_default().as_secs_f64()),
+        };
+        let mut lines = vec![format!("{how}; the same command resumes with what has arrived by then")];
         let left: Vec<String> = self.watched.unsettled().iter().map(|path| path.display().to_string()).collect();
         if let [first, ..] = left.as_slice() {
             lines.push(format!("{} had not settled and left out, from {first}", plural(left.len(), "file")));

@@ -1,51 +1,34 @@
 //! A series of images, from its files to its store: opened, resumed, correlated, closed.
 
 use crate::correlate::Correlate;
-use crate::field::{Status, StrainWindows, UpdateReference};
+use crate::field::{Status, UpdateReference};
 use crate::imaging::{FlatBlocks, Image, Saturation};
-use crate::io::quantities::QuantitySummary;
+use crate::io::quantities::{CrackHistory, QuantitySummary};
 use crate::io::store::{STORE, Store, StoreWriter};
-use crate::mesh::Mesh;
 use crate::remark::Remark;
 use crate::report::summary::{FrameSummary, Summary, counts, reference_updates};
-use crate::run::folder::kept::Kept;
-use crate::run::folder::lock::Lock;
-use crate::run::folder::restart::{self, Earlier};
-use crate::run::folder::run_folder::{About, RunFolder, csv_name, vtu_name};
-use crate::run::folder::store_of_run::{header_of, made_or_found};
-use crate::run::frames::busy::{Busy, Spent};
-use crate::run::frames::engine::Engine;
+use crate::report::{CrackSummary, crack_figures};
+use crate::run::folder::read::make_folder;
+use crate::run::folder::restart;
+use crate::run::folder::store_of_run::{header_of, make_or_find};
+use crate::run::folder::{About, Earlier, FIGURES, Kept, Lock, RunFolder, locks_in};
 use crate::run::frames::feed::Feed;
-use crate::run::frames::frame::{Done, Frames};
 use crate::run::frames::output::{self, Output, ToWrite};
-use crate::run::frames::pipeline;
-use crate::run::frames::pipeline::Numbered;
-use crate::run::frames::reference::{Reference, about_reference, windows};
-use crate::run::look::crack_auto;
-use crate::run::look::quantities;
-use crate::run::look::report;
+use crate::run::frames::{Busy, Done, Engine, Frames, Reference, Spent, about_reference, pipeline, windows};
+use crate::run::look::{crack_auto, quantities, report};
 use crate::run::plan::found::{self, Found};
-use crate::run::plan::resolved::Plan;
 use crate::run::plan::run_toml::RunToml;
-use crate::run::plan::session::{Existing, Outcome, Ran, Session};
-use crate::run::plan::zones::Zones;
+use crate::run::plan::{Existing, Outcome, Plan, Ran, Session, Zones};
 use crate::run::series::camera::Camera;
-use crate::run::words::doubts;
-use crate::run::words::error::{Result, RunError, thread};
-use crate::run::words::event::{Event, Watcher};
-use crate::run::words::remarks;
-use crate::run::words::said;
 use crate::run::words::tally::{Summaries, Tally};
-use crate::run::words::text::chain;
-use crate::units::Px;
+use crate::run::words::{Event, Result, RunError, Watcher, chain, doubts, remarks, said, thread};
 use rayon::ThreadPool;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-/// Results that wait to be written.
 const BEHIND: usize = 4;
 
 /// Correlates the series of `plan` into `folder`: what is missing of it, or all. What is done stays done, however this
@@ -117,18 +100,6 @@ struct Before {
     to_do: Vec<usize>,
 }
 
-impl Before {
-    /// The frames that are to be done.
-    fn frames(&self, plan: &Plan) -> VecDeque<Numbered> {
-        self.to_do.iter().filter_map(|&number| Some((number, plan.deformed.get(number - 1)?.clone()))).collect()
-    }
-}
-
-/// What makes the strains over a window, where one is asked for.
-fn strain_windows(plan: &Plan, mesh: &Mesh<Px>) -> Option<StrainWindows> {
-    plan.strain_window.map(|window| StrainWindows::new(mesh, window, plan.options.is_held()))
-}
-
 impl<'a> PreparedSeries<'a> {
     /// Takes the folder, prepares the reference, and makes or finds the store.
     fn open(
@@ -139,7 +110,7 @@ impl<'a> PreparedSeries<'a> {
         camera: Option<Camera>,
     ) -> Result<Self> {
         let begin = Instant::now();
-        let lock = Lock::take(&folder.locks(), session.shard, camera.as_ref().map(Camera::folder))?;
+        let lock = Lock::take(&locks_in(folder.path()), session.shard, camera.as_ref().map(Camera::folder))?;
         if session.shard.is_none() {
             folder.tidy();
         }
@@ -182,8 +153,8 @@ impl<'a> PreparedSeries<'a> {
         folder.make_folders(plan.csv, plan.vtu).and_then(|()| found.as_ref().map_or(Ok(()), Found::write))?;
         let (writer, store) = {
             let _alone = session.shard.map(|_| lock.common()).transpose()?;
-            let made = made_or_found(folder, &header, &*correlator, same_run)?;
-            if !folder.has_case() {
+            let made = make_or_find(folder, &header, &*correlator, same_run)?;
+            if !folder.has(RunFolder::CASE) {
                 folder.write_case(&record.case(&BTreeMap::new()))?;
             }
             made
@@ -224,11 +195,7 @@ impl<'a> PreparedSeries<'a> {
     fn earlier(&self) -> Result<Before> {
         let Self { plan, folder, store, .. } = self;
         let own = self.own(plan.deformed.len());
-        let tables: Vec<restart::Name> = [(plan.csv, csv_name as restart::Name), (plan.vtu, vtu_name)]
-            .into_iter()
-            .filter_map(|(wanted, name)| wanted.then_some(name))
-            .collect();
-        let earlier = self.pool.install(|| Earlier::find(store, folder.path(), &own, &tables));
+        let earlier = self.pool.install(|| Earlier::find(store, folder.path(), &own, [plan.csv, plan.vtu]));
         let mut depending = Vec::new();
         let (Earlier { done, damaged, .. }, kept) = match plan.update {
             UpdateReference::Never => (earlier, Kept::default()),
@@ -284,7 +251,7 @@ impl<'a> PreparedSeries<'a> {
         }
         if session.shard.is_some() {
             let _alone = self.lock.common()?;
-            if !folder.has_summary() {
+            if !folder.has(RunFolder::SUMMARY) {
                 // For `quadrille status`, should the last of the shards be killed before it has written it.
                 folder.write_summary(&Summary { frames: Vec::new(), ..summary.clone() })?;
             }
@@ -322,8 +289,9 @@ impl<'a> PreparedSeries<'a> {
         };
         let [writing, waiting] = &[Spent::default(), Spent::default()];
         let failed = &AtomicBool::new(false);
-        let mut feed =
-            Feed { to_do: before.frames(plan), camera: camera.as_mut(), record, store: writer, engine, waiting };
+        let planned = |&number: &usize| Some((number, plan.deformed.get(number - 1)?.clone()));
+        let to_do = before.to_do.iter().filter_map(planned).collect();
+        let mut feed = Feed { to_do, camera: camera.as_mut(), record, store: writer, engine, waiting };
         let alone = shard.is_none();
         let written = std::thread::scope(|scope| -> Result<()> {
             let (finished, to_write) = sync_channel(BEHIND);
@@ -335,7 +303,7 @@ impl<'a> PreparedSeries<'a> {
                 store: writer,
                 fields: store,
                 about,
-                windows: strain_windows(plan, correlator.mesh()),
+                windows: plan.strain_windows(correlator.mesh()),
                 alone,
                 in_series: Mutex::new(std::mem::take(&mut tally.in_series)),
                 writing,
@@ -470,6 +438,17 @@ impl<'a> PreparedSeries<'a> {
         Ok(())
     }
 
+    /// Tells of `cracks` in the summary, and draws them.
+    fn tell_of_cracks(&self, summary: &mut Summary, cracks: &[CrackHistory]) -> Result<()> {
+        if cracks.is_empty() {
+            return Ok(());
+        }
+        summary.cracks = cracks.iter().map(CrackSummary::of).collect();
+        self.folder.write_summary(summary)?;
+        make_folder(&self.folder.path().join(FIGURES))?;
+        cracks.iter().flat_map(crack_figures).try_for_each(|(name, plot)| self.folder.save_figure(&name, &plot.draw()?))
+    }
+
     /// Draws the quantities that the plan asks for from all fields.
     fn draw_quantities(&self, n_frames: usize, summary: &mut Summary, watcher: Watcher<'_>) -> Result<QuantitySummary> {
         let numbers: Vec<usize> = (1..=n_frames).collect();
@@ -479,7 +458,7 @@ impl<'a> PreparedSeries<'a> {
         match drawn {
             Ok(drawn) => {
                 drawn.remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
-                crate::run::look::cracks::tell(self.folder, summary, &drawn.cracks)?;
+                self.tell_of_cracks(summary, &drawn.cracks)?;
                 return Ok(drawn);
             }
             // How long the load file has to be is known only now.

@@ -8,10 +8,8 @@ use crate::io::case::{CaseFile, CaseZone, CrackPath};
 use crate::io::series::Frame;
 use crate::mesh::Mask;
 use crate::remark::Remark;
-use crate::run::plan::request::Request;
-use crate::run::plan::resolved::{Images, Plan};
-use crate::run::plan::zones::{Zones, cut};
-use crate::run::words::error::Result;
+use crate::run::plan::{Images, Plan, Request, Zones, cut};
+use crate::run::words::Result;
 use crate::run::words::remarks::of_device;
 use crate::units::Px;
 use std::path::Path;
@@ -73,14 +71,8 @@ impl InMemory {
         let Zones { mut zones, mut remarks, .. } = Zones::of(&mut plan, &reference, Path::new(""))?;
         if let Some(mask) = mask {
             if [mask.width(), mask.height()] != size {
-                return Err(format!(
-                    "the mask is {} x {} px, the reference {} x {} px; give one of the same size",
-                    mask.width(),
-                    mask.height(),
-                    size[0],
-                    size[1]
-                )
-                .into());
+                let [own, wanted] = [[mask.width(), mask.height()], size].map(|[x, y]| format!("{x} x {y} px"));
+                return Err(format!("the mask is {own}, the reference {wanted}; give one of the same size").into());
             }
             let mask = Arc::new(mask);
             zones.iter_mut().for_each(|zone| zone.mask = Some(Arc::clone(&mask)));
@@ -88,9 +80,8 @@ impl InMemory {
         cut(&mut zones, &plan.drawn.cracks)?;
         let device = plan.device_of(FRAMES * (size[0] * size[1]) as u64)?;
         remarks.extend(device.remark().map(of_device));
-        let held = plan.options.is_held();
-        let correlator = prepare(&device, reference, &zones, plan.options)?;
-        let windows = plan.strain_window.map(|window| StrainWindows::new(correlator.mesh(), window, held));
+        let correlator = prepare(&device, reference, &zones, plan.options.clone())?;
+        let windows = plan.strain_windows(correlator.mesh());
         Ok(Self { correlator, remarks, strain: plan.strain, windows })
     }
 

@@ -4,16 +4,12 @@ use crate::io::case::{CaseFile, over};
 use crate::io::series::Frame;
 use crate::io::store::{STORE, Store};
 use crate::io::watch::WatchedFolder;
-use crate::run::folder::lock::Lock;
-use crate::run::folder::run_folder::RunFolder;
-use crate::run::plan::request::Request;
-use crate::run::plan::resolved::{self as plan, Images, Plan};
-use crate::run::plan::session::{Existing, Ran, Session};
+use crate::run::folder::{Lock, RunFolder, locks_in};
+use crate::run::plan::resolved as plan;
+use crate::run::plan::{Existing, Images, Plan, Ran, Request, Session};
 use crate::run::series::camera::Camera;
 use crate::run::series::files::carry_out;
-use crate::run::words::error::Result;
-use crate::run::words::event::{Event, Watcher};
-use crate::run::words::text::chain;
+use crate::run::words::{Event, Result, Watcher, chain};
 use rayon::ThreadPool;
 use std::path::Path;
 use std::time::Duration;
@@ -71,7 +67,7 @@ pub fn watch(
     };
     let folder = &RunFolder::writable(output)?;
     // Who works on the folder is told at once, not when the first image has come.
-    drop(Lock::take(&folder.locks(), None, Some(camera.folder()))?);
+    drop(Lock::take(&locks_in(folder.path()), None, Some(camera.folder()))?);
     if session.existing == Existing::Continue && folder.holds_run() {
         let another = |why: String| folder.holds_another(Some(why));
         let store = Store::open(folder.path().join(STORE)).map_err(|error| another(chain(&error)))?;

@@ -9,7 +9,7 @@ use crate::field::Status;
 use crate::io::series::natural_order;
 use crate::remark::{About, Code, Remark};
 use crate::report::summary::{FrameSummary, Summary};
-use crate::run::words::remarks::{named, named_are};
+use crate::run::words::remarks::{name_frames, name_frames_are};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -71,12 +71,12 @@ fn copies(summary: &Summary, hashes: &BTreeMap<usize, Option<String>>, reference
     if !same.is_empty() {
         let text = format!(
             "{} the same image as the reference: no displacement, and no noise, is measured there",
-            named_are(&same)
+            name_frames_are(&same)
         );
         said.push(Remark::new(Code::SameAsReference, About::Frames(same), text));
     }
     for (_, numbers) in numbers.iter().filter(|(hash, numbers)| numbers.len() > 1 && !of_reference(hash)) {
-        let text = format!("{} copies of the same file", named_are(numbers));
+        let text = format!("{} copies of the same file", name_frames_are(numbers));
         said.push(Remark::new(Code::FramesCopied, About::Frames(numbers.clone()), text));
     }
     said
@@ -145,7 +145,7 @@ fn taken_out_of_order(frames: &[FrameSummary]) -> Option<Remark> {
     let beside = beside.map_or_else(String::new, |(beside, time)| {
         format!(", and frame {}, which stands {where_it_stands} it, at {time}", beside.number)
     });
-    let (whose, seem) = (named(&out), if out.len() == 1 { "seems" } else { "seem" });
+    let (whose, seem) = (name_frames(&out), if out.len() == 1 { "seems" } else { "seem" });
     let text = format!(
         "{whose} {seem} to be out of order: by the times in the files, {} was taken at {time}{beside}",
         frame.file
@@ -157,7 +157,7 @@ fn taken_out_of_order(frames: &[FrameSummary]) -> Option<Remark> {
 fn blank(summary: &Summary) -> Option<Remark> {
     let blank: Vec<usize> = summary.frames.iter().filter(|f| f.blank.is_some()).map(|f| f.number).collect();
     let torn = "half black, torn, or not whole: rows or columns of them have one grey level (see their messages)";
-    let text = format!("{} {torn}", named_are(&blank));
+    let text = format!("{} {torn}", name_frames_are(&blank));
     (!blank.is_empty()).then(|| Remark::new(Code::ImageIncomplete, About::Frames(blank), text))
 }
 
@@ -166,7 +166,7 @@ fn in_noise(summary: &Summary) -> Option<Remark> {
     let lost = || summary.frames.iter().filter(|frame| frame.status.has_field() && frame.nodes_in_noise > 0);
     let numbers: Vec<usize> = lost().map(|frame| frame.number).collect();
     let most = lost().map(|frame| frame.nodes_in_noise).max()?;
-    let place = named(&numbers);
+    let place = name_frames(&numbers);
     let text = format!(
         "{place}: up to {most} nodes not measured: the texture there does not stand out of the noise that the residual \
          shows (nodes_in_noise)"
@@ -182,7 +182,7 @@ fn in_unsettled_light(frames: &[FrameSummary]) -> Option<Remark> {
     let text = format!(
         "{}: brightness and contrast did not come to rest with the displacement, and standard uncertainties do not know of \
          that (see their messages)",
-        named(&numbers)
+        name_frames(&numbers)
     );
     (!numbers.is_empty()).then(|| Remark::new(Code::LightUnsettled, About::Frames(numbers), text))
 }
@@ -351,7 +351,6 @@ impl Motion {
     }
 }
 
-/// The files of the frames by their number.
 fn files(summary: &Summary) -> BTreeMap<usize, &str> {
     summary.frames.iter().map(|frame| (frame.number, frame.file.as_str())).collect()
 }

@@ -16,7 +16,7 @@ use crate::io::watch::WatchError;
 use crate::mechanics::cohesive::LawError;
 use crate::mechanics::{JointError, ModelError};
 use crate::report::ReportError;
-use crate::run::words::text::chain;
+use crate::run::words::chain;
 use std::path::{Path, PathBuf};
 use std::thread::{Builder, Scope, ScopedJoinHandle};
 
@@ -34,7 +34,7 @@ pub enum RunError {
     #[error(
         "no --reference is given, so that {} would be the reference, since it comes first; but the name of {} says that it is: \
          give --reference {}, or whichever it is (in a case file `reference`)",
-        first.display(), named.display(), quote(named)
+        first.display(), named.display(), shell_word(&named.to_string_lossy())
     )]
     WhichReference {
         /// The first image.
@@ -163,11 +163,6 @@ pub enum RunError {
         /// What is wrong.
         source: serde_json::Error,
     },
-}
-
-/// A path as a shell takes it.
-fn quote(path: &Path) -> String {
-    shell_word(&path.to_string_lossy())
 }
 
 /// A word of a command line, in quotes where a shell would take it apart.

@@ -6,7 +6,7 @@ use crate::report::fit::FitRecord;
 use crate::report::joint::JointSummary;
 use crate::report::summary::FrameSummary;
 use crate::report::tournament::TournamentRecord;
-use crate::run::frames::busy::Busy;
+use crate::run::frames::Busy;
 use std::path::Path;
 
 /// What happens in a run. Events come on the thread that carries it out, one after the other.

@@ -1,8 +1,8 @@
 //! A fit that is watched while it runs.
 
 use crate::identify::{FitProgress, FitWatch};
-use crate::run::plan::stop::Stop;
-use crate::run::words::event::{Event, Watcher};
+use crate::run::plan::Stop;
+use crate::run::words::{Event, Watcher};
 use rayon::ThreadPool;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;

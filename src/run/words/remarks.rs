@@ -8,12 +8,10 @@ use crate::imaging::{GreyDepth, Image, Saturation};
 use crate::mechanics::PathEnd;
 use crate::remark::{About, Code, Remark};
 use crate::report::saturated;
-use crate::run::words::text::{chain, plural, ranges};
+use crate::run::words::{chain, plural, ranges};
 use std::path::{Path, PathBuf};
 
-/// Files that are named one by one.
 const FILES_NAMED: usize = 5;
-/// Nodes that are named one by one.
 const NODES_NAMED: usize = 3;
 
 /// Files of the series that are text; `None` without any.
@@ -114,13 +112,11 @@ pub(crate) fn frame_late(file: &Path, last: &Path) -> Remark {
     Remark::new(Code::FrameLate, About::File(file), text).with("after", last)
 }
 
-/// The folder of the camera cannot be listed.
 pub(crate) fn folder_unreadable(folder: &Path, error: &dyn std::error::Error) -> Remark {
     let text = format!("{} cannot be listed: {error}", folder.display());
     Remark::new(Code::FolderUnreadable, About::Camera, text)
 }
 
-/// Nodes of the reference without texture.
 pub(crate) fn of_nodes(reference: &Reference) -> impl Iterator<Item = Remark> {
     let of = |code: Code, faults: &[TextureFault], what: &str| {
         let mut places: Vec<String> = faults.iter().take(NODES_NAMED).map(ToString::to_string).collect();
@@ -186,7 +182,6 @@ pub(crate) fn reference_refused(number: usize, refused: &UpdateRefused) -> Remar
     Remark::new(Code::ReferenceRefused, About::Frames(vec![number]), chain(refused))
 }
 
-/// The zones that were found.
 pub(crate) fn zones_found(text: String) -> Remark {
     Remark::new(Code::ZonesFound, About::Reference, text)
 }
@@ -196,12 +191,10 @@ pub(crate) fn of_crack_search(text: String) -> Remark {
     Remark::new(Code::CrackFound, About::Run, text)
 }
 
-/// How the zones of a joint were matched to each other.
 pub(crate) fn zones_matched(note: &str) -> Remark {
     Remark::new(Code::ZonesMatched, About::Joint, note)
 }
 
-/// A figure of an instant that has no solution.
 pub(crate) fn figure_missing(instant: usize) -> Remark {
     let text = format!("[output] figures names instant {instant}, which has no solution");
     Remark::new(Code::FigureMissing, About::Instants(vec![instant]), text)
@@ -238,11 +231,11 @@ pub(crate) fn path_ended(end: PathEnd, points: usize, at: f64, n_instants: usize
 }
 
 /// Frames by their numbers, as words.
-pub(crate) fn named(numbers: &[usize]) -> String {
+pub(crate) fn name_frames(numbers: &[usize]) -> String {
     if let [number] = numbers { format!("frame {number}") } else { format!("frames {}", ranges(numbers)) }
 }
 
 /// The same with their verb.
-pub(crate) fn named_are(numbers: &[usize]) -> String {
-    format!("{} {}", named(numbers), if numbers.len() == 1 { "is" } else { "are" })
+pub(crate) fn name_frames_are(numbers: &[usize]) -> String {
+    format!("{} {}", name_frames(numbers), if numbers.len() == 1 { "is" } else { "are" })
 }

@@ -5,8 +5,8 @@ use crate::field::Elements;
 use crate::imaging::{GreyDepth, Image, Saturation};
 use crate::io::store::STORE;
 use crate::report::summary::{ReferenceSummary, Summary, units};
-use crate::run::plan::resolved::{MANY, Plan};
-use crate::run::words::text::{plural, ranges};
+use crate::run::plan::{MANY, Plan};
+use crate::run::words::{plural, ranges};
 use std::collections::BTreeMap;
 
 /// What a run begins with, on one line.
@@ -39,19 +39,17 @@ pub(crate) fn about_earlier(done: usize, to_do: usize, damaged: &[usize], depend
         let to_do = if to_do == 0 { "nothing is missing".into() } else { format!("{to_do} to do") };
         said.push(format!("{} done before, {to_do}", plural(done, "frame")));
     }
-    let list = ranges;
     if !damaged.is_empty() {
         let frames = plural(damaged.len(), "frame");
-        said.push(format!("what is stored of {frames} is not whole and is done again: {}", list(damaged)));
+        said.push(format!("stored results of {frames} are incomplete and will be recomputed: {}", ranges(damaged)));
     }
     if !depending.is_empty() {
-        let list = list(depending);
-        said.push(format!("done again, since the reference depends on all frames before: {list}"));
+        let frames = ranges(depending);
+        said.push(format!("recomputed as well, since the reference depends on all frames before: {frames}"));
     }
     said
 }
 
-/// The summary of a run before its first frame.
 pub(crate) fn empty_summary(
     plan: &Plan,
     correlator: &Reference,

@@ -1,15 +1,12 @@
 //! What has come of a run so far.
 
 use crate::report::summary::{Summary, counts, reference_updates};
-use crate::run::folder::run_folder::RunFolder;
-use crate::run::frames::busy::Busy;
-use crate::run::frames::engine::Engine;
-use crate::run::words::error::Result;
-use crate::run::words::event::{Event, Watcher};
+use crate::run::folder::RunFolder;
+use crate::run::frames::{Busy, Engine};
+use crate::run::words::{Event, Result, Watcher};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
-/// What has come so far.
 pub(crate) struct Tally {
     /// SHA-256 of each image, where it could be read.
     pub hashes: BTreeMap<usize, Option<String>>,
@@ -31,7 +28,6 @@ pub(crate) struct Summaries {
 }
 
 impl Summaries {
-    /// From now on.
     pub fn begin() -> Self {
         Self { last: Instant::now(), every: EVERY }
     }

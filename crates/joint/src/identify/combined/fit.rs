@@ -11,8 +11,8 @@ use super::share::{TestShare, shares};
 use super::verdict::{OfTests, verdict};
 use crate::identify::solve::fit::{compare, correlation_of, describe, reasons_unfinished};
 use crate::identify::{
-    CutShort, Evaluation, Fit, FitError, Grounds, LARGEST_STD, Misfit, MissingMode, Refined, Released,
-    Rotations, Statistics, Verdict, implausible_result,
+    CutShort, Evaluation, Fit, FitError, Grounds, LARGEST_STD, Misfit, MissingMode, Refined, Released, Rotations,
+    Statistics, Verdict, implausible_result,
 };
 use crate::io::case::Discretisation;
 

@@ -7,9 +7,9 @@ use crate::identify::solve::stage::{at, distance, reweight, run};
 use crate::identify::{
     Axes, Base, Budget, COARSE, ConstantEffect, ConstantKind, End, Ended, Evaluation, FitError, FitOptions, FitStatus,
     Fitted, FittedParameter, FittedQuantity, Grounds, Ingredients, IntervalBasis, Iteration, LARGEST_STD, Local,
-    Misfit, Problem, Refined, Refinement, Released, ReleasedWidth, Rotations, Stage, StartEnd,
-    Statistics, TrustRegionOptions, Unknown, Unknowns, Verdict, Weights, assess, full_weights, implausible_result,
-    interval95, other_minima, settle,
+    Misfit, Problem, Refined, Refinement, Released, ReleasedWidth, Rotations, Stage, StartEnd, Statistics,
+    TrustRegionOptions, Unknown, Unknowns, Verdict, Weights, assess, full_weights, implausible_result, interval95,
+    other_minima, settle,
 };
 use crate::io::case::{Discretisation, Intervals, WeightKind};
 use crate::linalg::Dense;

@@ -1,0 +1,6 @@
+//! Commands about the joint: its law from images or displacements, and the model itself.
+
+pub(crate) mod case;
+pub(crate) mod fit;
+pub(crate) mod simulate;
+mod tournament;

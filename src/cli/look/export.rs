@@ -1,0 +1,238 @@
+//! `quadrille export`.
+
+use crate::cli::args::{ExportArgs, Target};
+use crate::cli::{Outcome, Result, plural, without_doubles};
+use crate::io::arrays::{ArrayFile, ArrayFileError, Shape, Values};
+use crate::io::mat::MatWriter;
+use crate::io::npz::NpzWriter;
+use crate::io::store::{Place, Store, Variable};
+use crate::run::{About, RunFolder, frame_in_words};
+use crate::units::PixelSize;
+use std::io::{self, Seek, Write};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// How often a long export says how far it is.
+const EVERY: Duration = Duration::from_secs(10);
+
+pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
+    let store = Store::open(&args.run)?;
+    let (numbers, without_field) = args.frames.with_field(&store, args.talk.quiet)?;
+    if numbers.is_empty() {
+        let path = store.path().display();
+        return Err(format!("{path}: none of {} has a field; see summary.json", plural(without_field, "frame")).into());
+    }
+    let about = About::new(store.header().clone())?;
+    let output = args.output.as_deref().unwrap_or(&args.run);
+    let targets = without_doubles(&args.to);
+    if !args.overwrite {
+        refuse_to_replace(args, output, &targets, &numbers)?;
+    }
+    if targets.contains(&Target::Mat) && !args.split {
+        check::<MatWriter<Vec<u8>>>(&store, &numbers, false)?;
+    }
+    let (folder, split) = (RunFolder::for_export(output)?, args.split);
+    let ticker = Ticker { quiet: args.talk.quiet, last: Instant::now() };
+    let mut export = Export { store: &store, folder, numbers: &numbers, split, ticker };
+    for target in targets {
+        match target {
+            Target::Csv | Target::Vtu => export.write_by_frame(target, &about)?,
+            Target::Npz | Target::Mat => export.write_arrays(target)?,
+        }
+    }
+    if !args.talk.quiet {
+        let left_out = match without_field {
+            n if n > 0 && !args.frames.are_named() && !args.frames.is_last() => {
+                format!(" ({} without a field left out)", plural(n, "frame"))
+            }
+            _ => String::new(),
+        };
+        eprintln!("{} exported to {}{left_out}", plural(numbers.len(), "frame"), output.display());
+    }
+    Ok(args.frames.outcome(without_field))
+}
+
+/// Says now and then how far a long export is.
+struct Ticker {
+    quiet: bool,
+    last: Instant,
+}
+
+impl Ticker {
+    fn tick(&mut self, what: &str, done: usize, total: usize) {
+        if !self.quiet && self.last.elapsed() > EVERY {
+            self.last = Instant::now();
+            eprintln!("{what}: {done} of {total}");
+        }
+    }
+}
+
+fn ending(target: Target) -> &'static str {
+    match target {
+        Target::Csv => "csv",
+        Target::Vtu => "vtu",
+        Target::Npz => "npz",
+        Target::Mat => "mat",
+    }
+}
+
+/// The file of a frame, or of the whole series.
+fn name(target: Target, number: Option<usize>) -> String {
+    let kind = ending(target);
+    number.map_or_else(|| format!("fields.{kind}"), |number| format!("{kind}/{number:06}.{kind}"))
+}
+
+fn refuse_to_replace(args: &ExportArgs, output: &Path, targets: &[Target], numbers: &[usize]) -> Result<()> {
+    for &target in targets {
+        let single = matches!(target, Target::Npz | Target::Mat) && !args.split;
+        let names: Vec<String> = match single {
+            true => vec![name(target, None)],
+            false => numbers.iter().map(|&number| name(target, Some(number))).collect(),
+        };
+        if let Some(there) = names.iter().map(|name| output.join(name)).find(|path| path.exists()) {
+            let there = there.display();
+            return Err(
+                format!("{there}: is there already; replace it with --overwrite, or choose another --output").into()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// A series on its way into files.
+struct Export<'a> {
+    store: &'a Store,
+    folder: RunFolder,
+    numbers: &'a [usize],
+    /// Whether each frame has files of its own.
+    split: bool,
+    ticker: Ticker,
+}
+
+impl Export<'_> {
+    fn write_by_frame(&mut self, target: Target, about: &About) -> Result<()> {
+        let Self { store, folder, numbers, .. } = self;
+        folder.make(ending(target))?;
+        for (done, &number) in numbers.iter().enumerate() {
+            // Both are there: the status was looked at.
+            let (Some(frame), Some(strain)) = (store.frame(number)?, store.strain(number)?) else { continue };
+            let file = frame_in_words(&frame.file, store.reference_frame(number)?.unwrap_or(0));
+            let tables = [target == Target::Csv, target == Target::Vtu];
+            folder.write_tables(tables, number, about, &file, &frame.measurement, &strain)?;
+            self.ticker.tick(ending(target), done + 1, numbers.len());
+        }
+        if target == Target::Vtu {
+            // Those of an earlier call and of the run itself as well: the list is that of the folder.
+            let is_there = |&number: &usize| folder.path().join(name(target, Some(number))).is_file();
+            let listed: Vec<usize> = (1..=store.n_frames()).filter(is_there).collect();
+            folder.write_series(&listed)?;
+        }
+        Ok(())
+    }
+
+    fn write_arrays(&mut self, target: Target) -> Result<()> {
+        let Self { store, folder, numbers, split, ticker } = self;
+        if *split {
+            folder.make(ending(target))?;
+        }
+        let files: Vec<(String, &[usize])> = match split {
+            true => numbers.chunks(1).map(|one| (name(target, Some(one[0])), one)).collect(),
+            false => vec![(name(target, None), *numbers)],
+        };
+        let n_files = files.len();
+        for (done, (name, numbers)) in files.into_iter().enumerate() {
+            folder.write(&name, |out| {
+                let written = match target {
+                    Target::Mat => write_mat(&mut *out, store, numbers, *split, ticker),
+                    _ => write_npz(&mut *out, store, numbers, *split, ticker),
+                };
+                written.map_err(io::Error::other)
+            })?;
+            ticker.tick(ending(target), done + 1, n_files);
+        }
+        Ok(())
+    }
+}
+
+fn write_mat<W: Write>(out: W, store: &Store, numbers: &[usize], split: bool, ticker: &mut Ticker) -> Result<()> {
+    let mut file = MatWriter::new(out, &format!("quadrille {}", store.header().quadrille))?;
+    fill(&mut file, store, numbers, split, ticker)?;
+    file.finish()?;
+    Ok(())
+}
+
+fn write_npz<W: Write + Seek>(
+    out: W,
+    store: &Store,
+    numbers: &[usize],
+    split: bool,
+    ticker: &mut Ticker,
+) -> Result<()> {
+    let mut file = NpzWriter::new(out);
+    fill(&mut file, store, numbers, split, ticker)?;
+    file.finish()?.flush()?;
+    Ok(())
+}
+
+fn shape(store: &Store, variable: Variable, numbers: &[usize], split: bool) -> Shape {
+    let rows = match variable.place() {
+        Place::Nodes => store.mesh().n_nodes(),
+        Place::Elements => store.mesh().n_elements(),
+    };
+    let frames = (!split).then_some(numbers.len());
+    Shape { frames, rows, components: variable.n_components() }
+}
+
+fn variables_in(store: &Store) -> impl Iterator<Item = Variable> {
+    Variable::ALL.into_iter().filter(|&variable| store.has(variable))
+}
+
+/// Whether all arrays fit, before the first is written.
+fn check<F: ArrayFile>(store: &Store, numbers: &[usize], split: bool) -> std::result::Result<(), ArrayFileError> {
+    variables_in(store)
+        .try_for_each(|variable| F::check(variable.name(), variable.number(), shape(store, variable, numbers, split)))
+}
+
+/// Writes what all frames share, then array by array the frames.
+fn fill<F: ArrayFile>(file: &mut F, store: &Store, numbers: &[usize], split: bool, ticker: &mut Ticker) -> Result<()> {
+    let header = store.header();
+    let mesh = store.mesh();
+    let counted = |numbers: &[u32]| Values::U32(numbers.iter().map(|number| number + F::FIRST).collect());
+    file.texts("about", &header.about())?;
+    file.texts("run_toml", &header.case.lines().map(str::to_owned).collect::<Vec<_>>())?;
+    file.texts("reference_file", &header.reference)?;
+    let size = header.image_size_px.map(|n| n as f64);
+    file.table("image_size_px", 2, &Values::F64(size.to_vec()))?;
+    if let Some(size) = header.pixel_size.map(PixelSize::mm_per_px) {
+        file.table("pixel_size_mm", 1, &Values::F64(vec![size]))?;
+    }
+    file.table("range_grey", 1, &Values::F64(vec![header.range_grey]))?;
+    file.table("element_size_px", 1, &Values::F64(vec![header.element_size_px]))?;
+    file.texts("zone_name", mesh.zones())?;
+    file.table("node_position_px", 2, &Values::F64(mesh.nodes().as_flattened().to_vec()))?;
+    file.table("node_zone", 1, &counted(mesh.node_zone()))?;
+    file.table("element_nodes", 4, &counted(mesh.elements().as_flattened()))?;
+    file.table("element_zone", 1, &counted(mesh.element_zone()))?;
+    file.table("frame", 1, &Values::U32(numbers.iter().map(|&number| number as u32).collect()))?;
+    let files: Vec<String> = numbers.iter().map(|&number| header.frames[number - 1].clone()).collect();
+    file.texts("frame_file", &files)?;
+    let mut codes = Vec::with_capacity(numbers.len());
+    let mut references = Vec::new();
+    for &number in numbers {
+        codes.extend(store.status(number)?.map(|status| status.code()));
+        references.extend(store.reference_frame(number)?.map(|frame| frame as u32));
+    }
+    file.table("status", 1, &Values::U8(codes))?;
+    if !references.is_empty() {
+        file.table("reference_frame", 1, &Values::U32(references))?;
+    }
+    for variable in variables_in(store) {
+        file.begin(variable.name(), variable.number(), shape(store, variable, numbers, split))?;
+        for (done, &number) in numbers.iter().enumerate() {
+            let values = store.values(number, variable)?;
+            file.block(&values.ok_or_else(|| format!("frame {number} has changed during the export"))?)?;
+            ticker.tick(variable.name(), done + 1, numbers.len());
+        }
+    }
+    Ok(())
+}
