@@ -407,7 +407,7 @@ fn a_frame_that_a_machine_lost_is_found_although_its_clock_went_back() {
     let lost = desk.path("run/fields.zarr/displacement_px/c.2.0.0");
     fs::write(&lost, vec![0; fs::metadata(&lost).unwrap().len() as usize]).unwrap();
     let ran = desk.run(line).fine();
-    assert!(ran.stderr.contains("not whole and is done again: 3"), "{ran}");
+    assert!(ran.stderr.contains("incomplete and will be recomputed: 3"), "{ran}");
     assert_same(&whole, &results(&desk, "run"), "after a lost frame");
 }
 
