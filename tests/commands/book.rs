@@ -133,7 +133,7 @@ fn flags_in_the_pages_are_flags_of_the_program() {
     // Of cargo, of scripts, of programs beside it.
     let others = "--test --tests --bench --example --release --profile --locked --path --no-default-features --features --open \
                   --ignored --nocapture --all-targets --no-deps --json --doc --lib --bin --deny --slurm --chromium --python --skip \
-                  --has-vulkan --force --wait --gres --dependency --qos --gpus --no-fail-fast --timings --parts";
+                  --has-vulkan --force --wait --gres --dependency --qos --gpus --no-fail-fast --timings --parts --margin";
     let others: BTreeSet<&str> = others.split_whitespace().collect();
     let mut wrong = Vec::new();
     for (path, text) in pages() {

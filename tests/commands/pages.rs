@@ -154,7 +154,7 @@ fn commands_in_the_pages_name_tests_and_scripts_that_there_are() {
             };
             let missing = match pair[0] {
                 "--test" if of_cargo => !there("tests"),
-                "--bench" if of_cargo => !there("benches"),
+                "--bench" if of_cargo => !there("benches/testbed/benches"),
                 "--example" if of_cargo => !there("examples"),
                 _ => false,
             };

@@ -347,7 +347,7 @@ impl<B: Backend> Correlator<B> {
         let (sigma, zones) = (vec![[0.0; 2]; mesh.n_nodes()], Vec::new());
         let (freedom_left, of_pair) = (Vec::new(), Vec::new());
         let mut made = Measured { sigma, measured, zones, freedom_left, of_pair, nodes_at_bound: 0 };
-        let gradients = DeformationGradient::of_nodes(mesh, displacement);
+        let gradients = DeformationGradient::of_nodes(mesh, displacement, &made.measured);
         for (zone, name) in mesh.zones().iter().enumerate() {
             let nodes = mesh.zone_nodes(zone);
             let sums = &last[zone];

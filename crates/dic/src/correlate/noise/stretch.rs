@@ -9,26 +9,40 @@ use crate::units::Px;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct DeformationGradient([[f64; 2]; 2]);
 
+/// A mean in the making.
+#[derive(Debug, Clone, Copy, Default)]
+struct Mean {
+    sum: [[f64; 2]; 2],
+    n: f64,
+}
+
+impl Mean {
+    fn add(&mut self, gradient: [[f64; 2]; 2]) {
+        (0..4).for_each(|k| self.sum[k / 2][k % 2] += gradient[k / 2][k % 2]);
+        self.n += 1.0;
+    }
+}
+
 impl DeformationGradient {
-    /// That of each node, the mean over the middles of its elements; none where a displacement is no number.
-    pub fn of_nodes(mesh: &Mesh<Px>, displacement: &[[f64; 2]]) -> Vec<Self> {
-        let mut sums = vec![([[0.0; 2]; 2], 0.0); mesh.n_nodes()];
+    /// That of each node: the mean over the middles of those of its elements of which all nodes are `measured`, and of
+    /// all such elements of its zone where it has none.
+    pub fn of_nodes(mesh: &Mesh<Px>, displacement: &[[f64; 2]], measured: &[bool]) -> Vec<Self> {
+        let mut of_nodes = vec![Mean::default(); mesh.n_nodes()];
+        let mut of_zones = vec![Mean::default(); mesh.zones().len()];
         for (element, nodes) in mesh.elements().iter().enumerate() {
-            let u = nodes.map(|node| displacement[node as usize]);
-            let gradient = mesh.geometry(element).map_at([0.5, 0.5]).gradient_of(&u);
-            if gradient.as_flattened().iter().all(|slope| slope.is_finite()) {
-                for &node in nodes {
-                    let (sum, n) = &mut sums[node as usize];
-                    (0..4).for_each(|k| sum[k / 2][k % 2] += gradient[k / 2][k % 2]);
-                    *n += 1.0;
-                }
+            if nodes.iter().all(|&node| measured[node as usize]) {
+                let u = nodes.map(|node| displacement[node as usize]);
+                let gradient = mesh.geometry(element).map_at([0.5, 0.5]).gradient_of(&u);
+                nodes.iter().for_each(|&node| of_nodes[node as usize].add(gradient));
+                of_zones[mesh.element_zone()[element] as usize].add(gradient);
             }
         }
-        let mean = |(sum, n): ([[f64; 2]; 2], f64)| {
-            let [[xx, xy], [yx, yy]] = sum.map(|row| row.map(|slope| slope / f64::max(n, 1.0)));
+        let of_node = |(node, own): (usize, &Mean)| {
+            let mean = if own.n > 0.0 { own } else { &of_zones[mesh.node_zone()[node] as usize] };
+            let [[xx, xy], [yx, yy]] = mean.sum.map(|row| row.map(|slope| slope / mean.n.max(1.0)));
             Self([[1.0 + xx, xy], [yx, 1.0 + yy]])
         };
-        sums.into_iter().map(mean).collect()
+        of_nodes.iter().enumerate().map(of_node).collect()
     }
 
     /// Variances of the two components in the deformed image, from those of the undeformed one. (What x and y have in
