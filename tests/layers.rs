@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 mod circles;
 
 /// Ranks of the modules: a module names modules of lower rank only.
-const RANKS: [(&str, u8); 21] = [
+const RANKS: [(&str, u8); 22] = [
     ("units", 0),
     ("clock", 0),
     ("digest", 0),
     ("isa", 0),
     ("parts", 0),
+    ("plane", 0),
     ("remark", 0),
     ("linalg", 1),
     ("imaging", 2),

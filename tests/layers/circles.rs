@@ -55,8 +55,16 @@ fn named(source: &Source) -> Named {
     while at < source.tokens.len() && !(0..tests.len()).all(|k| source.word(at + k) == tests[k]) {
         match source.word(at) {
             "use" => {
-                let handed_on = ["pub", ")"].contains(&source.before(at, 1));
-                at = tree(source, at + 1, &[], if handed_on { &mut found.hands_on } else { &mut found.uses });
+                let is_public = ["pub", ")"].contains(&source.before(at, 1));
+                let mut paths = Vec::new();
+                at = tree(source, at + 1, &[], &mut paths);
+                // What the head of a room takes in, the files below it may take from there.
+                if is_public || source.path.ends_with("/mod.rs") {
+                    found.hands_on.extend(paths.iter().cloned());
+                }
+                if !is_public {
+                    found.uses.extend(paths);
+                }
             }
             "crate" | "super" if source.before(at, 1) != "::" && source.word(at + 1) == "::" => {
                 let mut path = vec![source.word(at).to_owned()];

@@ -2,7 +2,7 @@
 
 use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions};
 use crate::correlate::{
-    AssumedNoise, Correlation, CorrelationError, Enough, Features, Finest, Iterated, Level, Limits, MeshLines,
+    AssumedNoise, Correlation, CorrelationError, Enough, Features, Finest, Iterated, Level, Limits, MATCHED, MeshLines,
     MisfitTest, NodalSpread, NoiseGain, NoiseProbe, Options, Overlap, PointValuesOf, Prepared, Reference,
     Regularisation, Result, SeenByNode, Settled, Start, StartUsed, Turn, WILD_ELEMENTS, bare_borders, finest_level,
     high_frequency, iterate, nothing, replace_outliers, rounding,
@@ -16,8 +16,6 @@ use std::ops::{Deref, RangeInclusive};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
-/// Below this correlation coefficient a zone does not match the reference, whatever the corrections say.
-pub(super) const MATCHED: f64 = 0.5;
 /// A level that takes more than this from a zone's correlation coefficient has harmed it.
 const WORSE: f64 = 0.02;
 /// Ranges of grey levels of which products, summed over millions of pixels, are numbers of single precision.

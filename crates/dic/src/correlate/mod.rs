@@ -33,16 +33,17 @@ pub use start::initial::Start;
 pub use start::period::Ambiguity;
 
 // What its parts share.
-use correlator::{COARSE, ENOUGH_BY_SIGMA, MATCHED, choose_better};
+use correlator::{COARSE, ENOUGH_BY_SIGMA, choose_better};
 use cracks::faces::{Followed, follow_nodes};
 use error::Result;
 use judge::marks::{ImagePair, bilinear, is_mismatch, mark_pulled_along};
 use judge::screen::LEAST_LEFT;
-use noise::misfit::{Look, MisfitTest, Residuals};
+use noise::misfit::{Look, MATCHED, MisfitTest, Residuals};
 use noise::model_error::MeshLines;
 use noise::noise_correlation::{NoiseProbe, Prepared, factors};
 use noise::noise_model::Elements;
 use noise::reference_noise::{high_frequency, rounding};
+use noise::stretch::DeformationGradient;
 use noise::uncertainty::{NodalSpread, NoiseGain, displacement_in_middle, spread_of};
 use prepare::finest::{Finest, finest_level};
 use prepare::gradient_noise::{

@@ -1,11 +1,10 @@
 //! What an iteration has found: status, uncertainty, marks and summary of a frame.
 
 use crate::backend::{Backend, ElementMatch, Found, GreyTransfer, PixelSums};
-use crate::correlate::noise::stretch::DeformationGradient;
 use crate::correlate::{
-    Correlation, Correlator, ENOUGH_BY_SIGMA, Elements, Followed, ImagePair, Iterated, LEAST_LEFT, Level, Light,
-    Limits, Look, MATCHED, NodalSpread, OfElement, Outcome, Own, PhotonNoise, Residuals, Result, Seen, Settled,
-    StartUsed, TOO_SLOW, ZoneResult, continue_field, factors, fill_field, follow_nodes, is_suspected, iterate,
+    Correlation, Correlator, DeformationGradient, ENOUGH_BY_SIGMA, Elements, Followed, ImagePair, Iterated, LEAST_LEFT,
+    Level, Light, Limits, Look, MATCHED, NodalSpread, OfElement, Outcome, Own, PhotonNoise, Residuals, Result, Seen,
+    Settled, StartUsed, TOO_SLOW, ZoneResult, continue_field, factors, fill_field, follow_nodes, is_suspected, iterate,
     lost_in_noise, mark_pulled_along, nothing, numbers, rigid, spread_of,
 };
 use crate::field::{Brightness, ElementMark, Measurement, ModelError, Status};

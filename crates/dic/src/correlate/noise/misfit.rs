@@ -7,10 +7,13 @@
 //! structure: the interpolation of fine texture leaves as much.
 
 use crate::backend::{ElementMatch, ElementMoments, GreyTransfer};
-use crate::correlate::{MATCHED, NoiseGain, displacement_in_middle};
+use crate::correlate::{NoiseGain, displacement_in_middle};
 use crate::mesh::Mesh;
 use crate::units::Px;
 
+/// Below this correlation coefficient a zone does not match the reference, whatever the corrections say, and an element
+/// does not say what the noise is.
+pub(crate) const MATCHED: f64 = 0.5;
 /// Share of the elements of a zone without misfit that the test names, all of them together.
 const FALSE_ALARM: f64 = 0.01;
 /// The residual of an element has to exceed that of noise by this share as well: less may be noise that is not the same

@@ -9,7 +9,7 @@ use crate::identify::objective::observation::remove_motion;
 use crate::identify::{
     FitError, FitOptions, FitWatch, LoadCell, Noise, Observation, ObservedInstant, Precision, Problem,
     TrustRegionOptions, Unknown, Unknowns, even_texture, implausible_joint, largest_without_rigid_motion,
-    latin_hypercube, wrong,
+    latin_hypercube, prescribed_of, wrong,
 };
 use crate::io::case::{
     BoundaryNoise, CaseBootstrap, CaseFit, CaseMeasurement, CaseNodes, CasePathControl, Discretisation, Intervals,
@@ -18,7 +18,7 @@ use crate::io::case::{
 use crate::io::joint::{JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunMatrix};
 use crate::io::run_case::RunCase;
 use crate::mechanics::cohesive::CohesiveLaw;
-use crate::mechanics::{BoundaryHistory, Joint, law_of_case, materials_of_case};
+use crate::mechanics::{Joint, law_of_case, materials_of_case};
 use crate::remark::Remark;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
@@ -367,14 +367,6 @@ fn starts(unknowns: &Unknowns, table: &CaseFit) -> Result<Vec<Vec<f64>>, FitErro
         starts.extend(points.iter().map(|z| unknowns.unscaled(z)));
     }
     Ok(starts)
-}
-
-/// The displacements of `boundary` at the prescribed nodes of the measured mesh, instant by instant.
-pub(crate) fn prescribed_of(joint: &Joint, boundary: &BoundaryHistory) -> Vec<Vec<[f64; 2]>> {
-    let place: HashMap<u32, usize> = boundary.nodes().iter().enumerate().map(|(k, &node)| (node, k)).collect();
-    let prescribed =
-        |values: &Vec<[f64; 2]>| joint.measured.prescribed.iter().map(|node| values[place[node]]).collect();
-    boundary.instants().iter().map(prescribed).collect()
 }
 
 /// Measured displacements by instant (from 0) and node, without the rigid motion where it is taken off; and what is

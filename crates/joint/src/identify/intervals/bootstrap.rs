@@ -2,9 +2,8 @@
 //! included. It finds the bias that noise makes through a kink of the law or through plasticity, which no linear theory
 //! sees.
 
-use crate::identify::cases::case::prescribed_of;
 use crate::identify::solve::stage::run;
-use crate::identify::{Evaluation, FitStatus, Problem, Statistics, TrustRegionOptions, Weights};
+use crate::identify::{Evaluation, FitStatus, Problem, Statistics, TrustRegionOptions, Weights, prescribed_of};
 use crate::linalg::Dense;
 use crate::mechanics::BoundaryHistory;
 use rayon::prelude::*;

@@ -1,6 +1,6 @@
 //! What the noise of the measurement does to the parameters (THEORY 7 and 9).
 
-use crate::identify::{Evaluation, FitError, Problem, Weights};
+use crate::identify::{Evaluation, FitError, Problem, Weights, scale};
 use crate::linalg::Dense;
 use rayon::prelude::*;
 
@@ -113,13 +113,6 @@ impl Led {
         let unit = (1.0 + noise.common) * traces.iter().sum::<f64>();
         let spread = problem.spread(&v);
         Ok(Self { v, by_boundary, of_diagonal: Some((unit, spread)) })
-    }
-}
-
-/// Multiplies all entries.
-pub(crate) fn scale(matrix: &mut Dense, factor: f64) {
-    for k in 0..matrix.n_columns() {
-        matrix.column_mut(k).iter_mut().for_each(|v| *v *= factor);
     }
 }
 

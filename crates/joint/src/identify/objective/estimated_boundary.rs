@@ -1,14 +1,14 @@
 //! Prescribed displacements as unknowns beside the parameters, with their covariance (THEORY 7): it removes the bias
 //! that noise of the boundary makes through plasticity.
 
-use crate::identify::cases::case::prescribed_of;
 use crate::identify::solve::stage::at;
 use crate::identify::{
     Evaluation, FitError, FitOptions, FitStatus, Iteration, Noise, Problem, Stage, StepRegion, Weights, cone_step,
     full_weights, room,
 };
 use crate::linalg::Dense;
-use crate::mechanics::BoundaryHistory;
+use crate::mechanics::{BoundaryHistory, Joint};
+use std::collections::HashMap;
 
 /// Linearisations at most.
 const STEPS: usize = 40;
@@ -195,4 +195,12 @@ fn share_of_std(h: &Dense, way: &[f64]) -> Option<f64> {
     let covariance = h.cholesky().ok()?.inverse();
     let share = |k: usize| way[k].abs() / covariance[(k, k)].sqrt();
     Some((0..way.len()).map(share).fold(0.0, f64::max))
+}
+
+/// The displacements of `boundary` at the prescribed nodes of the measured mesh, instant by instant.
+pub(crate) fn prescribed_of(joint: &Joint, boundary: &BoundaryHistory) -> Vec<Vec<[f64; 2]>> {
+    let place: HashMap<u32, usize> = boundary.nodes().iter().enumerate().map(|(k, &node)| (node, k)).collect();
+    let prescribed =
+        |values: &Vec<[f64; 2]>| joint.measured.prescribed.iter().map(|node| values[place[node]]).collect();
+    boundary.instants().iter().map(prescribed).collect()
 }

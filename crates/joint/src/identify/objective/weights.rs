@@ -1,6 +1,6 @@
 //! The weights of the objective: `omega = r^T W r` over all instants and rows.
 
-use crate::identify::{Noise, Precision, scale};
+use crate::identify::{Noise, Precision};
 use crate::linalg::{Dense, DenseCholesky, NotPositiveDefinite};
 use rayon::prelude::*;
 
@@ -141,5 +141,12 @@ impl Weights {
             }
             Self::Inverse(inverse) => inverse.times(&noise.precision, x),
         }
+    }
+}
+
+/// Multiplies all entries.
+pub(crate) fn scale(matrix: &mut Dense, factor: f64) {
+    for k in 0..matrix.n_columns() {
+        matrix.column_mut(k).iter_mut().for_each(|v| *v *= factor);
     }
 }
