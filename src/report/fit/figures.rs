@@ -28,9 +28,10 @@ impl FitReport<'_> {
         }
         let along: Vec<f64> =
             self.case.problem.joint.model.pair_positions().into_iter().map(|(_, along)| along).collect();
-        let components: [(&str, &str, &str, fn(&Traction) -> f64); 2] =
-            [("tn", "T_n (MPa)", "Normal", |t| t.normal), ("tt", "T_t (MPa)", "Tangential", |t| t.tangential)];
-        for (name, label, which, pick) in components {
+        let normal: fn(&Traction) -> f64 = |t| t.normal;
+        for (name, label, which, pick) in
+            [("tn", "T_n (MPa)", "Normal", normal), ("tt", "T_t (MPa)", "Tangential", |t| t.tangential)]
+        {
             let band = |band: &Band| {
                 let [y, low, high] =
                     [&band.traction, &band.low, &band.high].map(|list| list.iter().map(pick).collect::<Vec<f64>>());

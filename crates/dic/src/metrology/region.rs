@@ -108,7 +108,7 @@ fn even_to_transform(n: usize) -> usize {
     let is_even = |k: &usize| {
         let mut rest = *k;
         for factor in [2, 3, 5] {
-            while rest % factor == 0 {
+            while rest.is_multiple_of(factor) {
                 rest /= factor;
             }
         }

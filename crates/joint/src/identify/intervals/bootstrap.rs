@@ -162,7 +162,7 @@ impl Base<'_> {
                 let moved_node = |(u, &row): (&[f64; 2], &usize)| [0, 1].map(|c| u[c] + sign * e[2 * row + c]);
                 values.iter().zip(&observation.prescribed).map(moved_node).collect()
             };
-            let values = prescribed_of(joint, &self.boundary);
+            let values = prescribed_of(joint, self.boundary);
             joint.measured.boundary(values.into_iter().zip(noise).map(moved).collect()).ok()?
         };
         let unknowns = unknowns.starting_at(&self.evaluation.x).ok()?;

@@ -228,6 +228,9 @@ pub enum LawError {
     },
 }
 
+/// Makes a law of its parameters.
+pub type MakeLaw = fn(&[f64]) -> Result<Box<dyn CohesiveLaw>, LawError>;
+
 /// All laws of one name.
 #[derive(Debug)]
 pub struct LawKind {
@@ -236,7 +239,7 @@ pub struct LawKind {
     /// The parameters.
     pub parameters: &'static [Parameter],
     /// Makes the law with these values of them.
-    pub make: fn(&[f64]) -> Result<Box<dyn CohesiveLaw>, LawError>,
+    pub make: MakeLaw,
 }
 
 /// Every kind of law.
