@@ -111,7 +111,8 @@ fn every_chapter_of_the_theory_that_the_source_names_is_there() {
         let number: u32 = text.strip_prefix("# ").and_then(|rest| rest.split_once('.')).unwrap().0.parse().unwrap();
         let name = chapter.file_name().unwrap().to_str().unwrap();
         assert!(name.starts_with(&format!("{number:02}-")), "{name} is chapter {number}");
-        let in_source = ["](../../crates/", "](../../src/"].iter().any(|place| text.contains(place));
+        let in_source =
+            ["](../../crates/", "](../../src/", "](../../benches/"].iter().any(|place| text.contains(place));
         assert!(in_source, "{name} names no place in the source");
         assert!(there.insert(number), "chapter {number} is there twice");
     }

@@ -2,6 +2,7 @@
 
 use super::{IdentificationReport, OtherRigidMotion, choose_instants};
 use crate::field::{Measurement, RigidMotion, Status};
+use crate::identify::describe_change;
 use crate::report::page::{Block, Map, Section};
 use crate::report::summary::{ReferenceSummary, Summary};
 use crate::report::words::{plain, significant};
@@ -113,7 +114,7 @@ impl IdentificationReport<'_> {
                 OtherRigidMotion::Found { parameters, .. } => {
                     let change = |name: &Name| {
                         let (value, changed) = (fit.parameters.get(name)?.value, parameters.get(&**name)?);
-                        Some(format!("{name} {:+.2} %", 100.0 * (changed / value - 1.0)))
+                        Some(format!("{name} {}", describe_change(changed / value - 1.0)))
                     };
                     let list: Vec<String> = self.fitted_names().iter().filter_map(change).collect();
                     format!(" {choice}, the parameters would change by (to first order): {}.", list.join(", "))

@@ -32,7 +32,7 @@ pub use doubt::missing_mode::{MissingMode, Mode, opening_share};
 pub use doubt::plausibility::{implausible_joint, implausible_result};
 pub use doubt::released::{Released, ReleasedParameter};
 pub use doubt::released_width::ReleasedWidth;
-pub use doubt::rotations::{ROTATIONS_HELD, ROTATIONS_TOLD, Rotations};
+pub use doubt::rotations::{ROTATIONS_HELD, ROTATIONS_TOLD, Rotations, describe_change};
 pub use doubt::verdict::{
     Grounds, LARGEST_CORRELATION, LARGEST_FAILED, LARGEST_NOISE_RATIO, LARGEST_STD, Outcome, Verdict,
 };

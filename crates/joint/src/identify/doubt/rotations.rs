@@ -11,6 +11,25 @@ pub const ROTATIONS_TOLD: f64 = 0.1;
 /// The same, above which small rotations do not hold: what they cost is more than what is not known.
 pub const ROTATIONS_HELD: f64 = 1.0;
 
+/// Share of a parameter up to which its change to first order is a number: beyond, the next order, about the square, is
+/// as much as a quarter of it.
+const FIRST_ORDER: f64 = 0.25;
+
+/// A change to first order by `share` of the value, in words.
+///
+/// ```
+/// # use quadrille_joint as quadrille;
+/// use quadrille::identify::describe_change;
+/// assert_eq!(describe_change(-0.031), "-3.10 %");
+/// assert_eq!(describe_change(-1.03), "more than 25 % (beyond what first order tells)");
+/// ```
+pub fn describe_change(share: f64) -> String {
+    match share.abs() <= FIRST_ORDER {
+        true => format!("{:+.2} %", 100.0 * share),
+        false => format!("more than {:.0} % (beyond what first order tells)", 100.0 * FIRST_ORDER),
+    }
+}
+
 /// What finite rotations would change of a fit with small ones.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rotations {
@@ -38,9 +57,9 @@ impl Rotations {
         let largest = self.in_stds(parameters).filter(|&largest| largest > ROTATIONS_TOLD)?;
         let told = change.iter().zip(parameters).map(|(change, p)| {
             format!(
-                "{} by {:+.2} % ({:.1} standard uncertainties)",
+                "{} by {} ({:.1} standard uncertainties)",
                 p.parameter.name,
-                100.0 * change / p.value,
+                describe_change(change / p.value),
                 change.abs() / p.std.unwrap_or(f64::INFINITY)
             )
         });
