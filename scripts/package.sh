@@ -18,7 +18,7 @@ done
 
 target=${CARGO_TARGET_DIR:-target}
 rm -f "$target"/package/quadrille*.crate
-cargo package --locked --no-verify --workspace --exclude quadrille-python
+cargo package --locked --no-verify --workspace --exclude quadrille-python --exclude quadrille-testbed
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 patches=()

@@ -44,7 +44,7 @@
 //! # Features
 //!
 //! All are on by default; `default-features = false` leaves the correlator, the mechanics and the identification, with
-//! 172 crates instead of 336 (`scripts/check_features.sh` counts them).
+//! 173 crates instead of 337 (`scripts/check_features.sh` counts them).
 //!
 //! - `gpu`: graphics devices (wgpu). Without it [`backend::choice`] knows the CPU alone, and says so.
 //! - `store`: [`io::store`], the fields of a series (zarrs).
