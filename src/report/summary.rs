@@ -322,6 +322,12 @@ impl From<SmoothLight> for LightSummary {
     }
 }
 
+/// The frame with most misfit, its number first; none where no frame has any.
+pub(crate) fn worst_misfit(frames: &[FrameSummary]) -> Option<(usize, Misfit)> {
+    let with = frames.iter().filter_map(|frame| Some((frame.number, frame.misfit?)));
+    with.max_by(|(_, a), (_, b)| a.percent.total_cmp(&b.percent).then(a.displacement.total_cmp(&b.displacement)))
+}
+
 impl FrameSummary {
     /// A frame that gave no field, because of `why`.
     pub fn unreadable(number: usize, file: String, why: String, seconds_decode: f64) -> Self {
@@ -473,4 +479,20 @@ pub fn units() -> BTreeMap<Name, Name> {
         ("seconds", "seconds of wall-clock time"),
     ];
     units.map(|(ending, meaning)| (ending.into(), meaning.into())).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worst_frame_is_that_with_most_elements_off_and_of_these_the_one_furthest_off() {
+        let frame = |(number, off): (usize, Option<(f64, f64)>)| FrameSummary {
+            misfit: off.map(|(percent, displacement)| Misfit { elements: 1, percent, at: [0.0; 2], displacement }),
+            ..FrameSummary::unreadable(number, String::new(), String::new(), 0.0)
+        };
+        let frames = [(1, Some((2.0, 9.0))), (2, Some((30.0, 0.1))), (3, None), (4, Some((30.0, 0.2)))].map(frame);
+        assert_eq!(worst_misfit(&frames).map(|(number, _)| number), Some(4));
+        assert_eq!(worst_misfit(&frames[2..3]), None);
+    }
 }

@@ -5,7 +5,7 @@ use crate::cli::talk::{Fitting, Paint, Talk, WARNING, results, wrapped};
 use crate::field::Status;
 use crate::remark::Remark;
 use crate::report::fit::FitRecord;
-use crate::report::summary::FrameSummary;
+use crate::report::summary::{FrameSummary, worst_misfit};
 use crate::report::tournament::TournamentRecord;
 use crate::run::{Busy, Event};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -261,11 +261,11 @@ fn row(frame: &FrameSummary, paint: Paint) -> String {
 
 /// The frame with most misfit in words, and how many have some.
 fn about_misfit(frames: &[FrameSummary]) -> Option<String> {
-    let with = || frames.iter().filter_map(|frame| Some((frame.number, frame.misfit?)));
-    let (number, most) = with().max_by(|a, b| a.1.percent.total_cmp(&b.1.percent))?;
+    let (number, most) = worst_misfit(frames)?;
+    let n = frames.iter().filter(|frame| frame.misfit.is_some()).count();
     let advice = "smaller elements follow shorter waves; over a crack, a blur or a shadow none do; model_error_px holds the \
                   estimated error";
-    Some(format!("{} with misfit, most in frame {number}: {most}; {advice}", plural(with().count(), "frame")))
+    Some(format!("{} with misfit, most in frame {number}: {most}; {advice}", plural(n, "frame")))
 }
 
 /// The frame with most marked elements in words, and how many have some.

@@ -4,7 +4,7 @@ use super::CorrelationReport;
 use crate::field::Status;
 use crate::remark::{About, Remark};
 use crate::report::page::{Block, Section};
-use crate::report::summary::FrameSummary;
+use crate::report::summary::{FrameSummary, worst_misfit};
 
 /// Frames of a kind that are named, and kinds of remarks that are quoted.
 const NAMED: usize = 12;
@@ -55,8 +55,7 @@ impl CorrelationReport<'_> {
             warn(format!("{n} of {} nodes see no texture and were left out of every frame.", self.summary.n_nodes));
         }
         let off = numbers(&|frame| frame.misfit.is_some());
-        let misfits = frames.iter().filter_map(|frame| Some((frame.number, frame.misfit?)));
-        if let Some((worst, misfit)) = misfits.max_by(|a, b| a.1.displacement.total_cmp(&b.1.displacement)) {
+        if let Some((worst, misfit)) = worst_misfit(frames) {
             let (n, n_frames, off) = (off.len(), frames.len(), list(&off));
             warn(format!(
                 "In {n} of {n_frames} frames the residual of some elements is beyond noise: {off}. Worst is frame \

@@ -25,7 +25,8 @@ pub enum LuChoice {
     Nested,
 }
 
-/// Up to this many multiplications the banded factor is made (`cargo bench -p quadrille-testbed --bench mechanics -- solvers`).
+/// Up to this many multiplications the banded factor is made (`cargo bench -p quadrille-testbed --bench mechanics --
+/// solvers`).
 pub const BANDED_UP_TO: f64 = 5e6;
 
 /// The symbolic part of the factor, kept for all matrices on one pattern.
