@@ -18,14 +18,17 @@ struct Mean {
 
 impl Mean {
     fn add(&mut self, gradient: [[f64; 2]; 2]) {
-        (0..4).for_each(|k| self.sum[k / 2][k % 2] += gradient[k / 2][k % 2]);
-        self.n += 1.0;
+        if gradient.as_flattened().iter().all(|slope| slope.is_finite()) {
+            (0..4).for_each(|k| self.sum[k / 2][k % 2] += gradient[k / 2][k % 2]);
+            self.n += 1.0;
+        }
     }
 }
 
 impl DeformationGradient {
     /// That of each node: the mean over the middles of those of its elements of which all nodes are `measured`, and of
-    /// all such elements of its zone where it has none.
+    /// all such elements of its zone where it has none. A gradient that is no number, as where a frame diverged, is left
+    /// out: it would take the uncertainties of the nodes around with it.
     pub fn of_nodes(mesh: &Mesh<Px>, displacement: &[[f64; 2]], measured: &[bool]) -> Vec<Self> {
         let mut of_nodes = vec![Mean::default(); mesh.n_nodes()];
         let mut of_zones = vec![Mean::default(); mesh.zones().len()];
