@@ -41,11 +41,11 @@ const IN_THE_SOURCES: [(&str, &str); 2] = [("bench", "devices"), ("paper", "pape
 fn find_moved(error: &clap::Error) -> Option<String> {
     let given = text(error, ContextKind::InvalidSubcommand)?;
     let now_of = |list: &[(&str, &'static str)]| list.iter().find(|(before, _)| *before == given).map(|(_, now)| *now);
-    let in_the_sources = || {
-        now_of(&IN_THE_SOURCES).map(|now| format!("cargo run --release -p quadrille-testbed -- {now}` in its sources"))
-    };
-    let now = now_of(&MOVED).map(|now| format!("quadrille {now}`")).or_else(in_the_sources)?;
-    Some(format!("{given} is now `{now}"))
+    if let Some(now) = now_of(&MOVED) {
+        return Some(format!("{given} is now `quadrille {now}`"));
+    }
+    let now = now_of(&IN_THE_SOURCES)?;
+    Some(format!("{given} is now `cargo run --release -p quadrille-testbed -- {now}` in its sources"))
 }
 
 /// What clap says, on one line: the fault and its tip, without the usage.
