@@ -1,7 +1,7 @@
 //! `testbed devices`: what correlation costs on the devices of this machine.
 
 use super::args::DevicesArgs;
-use super::{Outcome, Result, plural, pool, without_doubles};
+use super::{Outcome, Result, plural, pool};
 use quadrille::backend::choice::choose;
 use quadrille::backend::gpu::{GpuAdapter, adapters};
 use quadrille::report::{Axis, Plot, PlotSeries, Style};
@@ -31,7 +31,7 @@ pub(super) fn run(args: &DevicesArgs) -> Result<Outcome> {
 }
 
 fn plan(args: &DevicesArgs) -> Result<Plan> {
-    let sizes = without_doubles(&args.size);
+    let sizes = args.size.clone();
     check_element_size(args.element_size)?;
     sizes.iter().try_for_each(|&size| check_size(size, args.element_size, 4))?;
     Ok(Plan { sizes_px: sizes, element_size_px: args.element_size, runs: args.runs.max(1), frames: args.frames.max(1) })

@@ -43,17 +43,6 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// The list with each item at its first place only.
-fn without_doubles<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
-    let mut kept: Vec<T> = Vec::with_capacity(list.len());
-    for item in list {
-        if !kept.contains(item) {
-            kept.push(*item);
-        }
-    }
-    kept
-}
-
 /// `n` and what there are so many of.
 fn plural(n: usize, noun: &str) -> String {
     format!("{n} {noun}{}", if n == 1 { "" } else { "s" })

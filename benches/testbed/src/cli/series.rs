@@ -1,7 +1,7 @@
 //! `testbed series`: what a whole series costs, from image files to the store.
 
 use super::args::{FileFormat, SeriesArgs};
-use super::{Outcome, Result, devices, plural, pool, without_doubles};
+use super::{Outcome, Result, devices, plural, pool};
 use quadrille::backend::choice::DeviceChoice;
 use quadrille::backend::gpu::GpuOptions;
 use quadrille::correlate::{History, Overlap, prepare};
@@ -75,7 +75,7 @@ pub(super) fn run(args: &SeriesArgs) -> Result<Outcome> {
     if args.frames < 3 {
         return Err(format!("--frames {} is not a series: give 3 or more", args.frames).into());
     }
-    let sizes = without_doubles(&args.size);
+    let sizes = &args.size;
     sizes
         .iter()
         .try_for_each(|&size| devices::check_size(size, args.element_size, 2 * usize::from(args.margin) + 2))?;
@@ -94,8 +94,8 @@ pub(super) fn run(args: &SeriesArgs) -> Result<Outcome> {
         runs: args.runs.max(1),
         series: Vec::new(),
     };
-    for size in sizes {
-        for format in without_doubles(&args.format) {
+    for &size in sizes {
+        for &format in &args.format {
             let bench = Bench { args, size, format, threads, folder: folder.path() };
             let files = bench.make()?;
             measured.series.push(bench.measure(&files)?);
