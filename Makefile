@@ -32,7 +32,7 @@ real: ## The first command, no option, on every set of images in the folder DATA
 	$(CARGO) build --release --locked
 	scripts/first_command.py "$(DATA)" --output out/first
 
-test: ## Install what tests need where it may, then run every test
+test: ## Install what tests need where it may, then run the tests (the long ones: release-check)
 	scripts/test.sh --profile $(or $(PROFILE),dev)
 
 study: ## Uncertainty, identification over many seeds and draws, obstacles, for the tables of the documents (about two hours); in out/study

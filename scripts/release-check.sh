@@ -22,7 +22,8 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 profile=(--profile ci)
-whole=(--locked --workspace "${profile[@]}")
+# The test bed would compile the program with a device more.
+whole=(--locked --workspace --exclude quadrille-testbed "${profile[@]}")
 export QUADRILLE_GPU=${QUADRILLE_GPU:-require}
 parts=("$@")
 [ ${#parts[@]} -gt 0 ] || parts=(deny features package book examples testbed gate browser slurm thorough fuzz drivers wheel miri)
@@ -45,9 +46,12 @@ browser() {
     QUADRILLE_CHROMIUM=require scripts/test.sh "${profile[@]}" --test commands -- view:: studio:: run:: metrology::
 }
 slurm() { scripts/prepare.sh --slurm && QUADRILLE_SLURM=require cargo test "${whole[@]}" --test slurm; }
-thorough() { cargo test "${whole[@]}" --tests -- --ignored thorough; }
+thorough() {
+    cargo test "${whole[@]}" --tests -- --ignored thorough
+    cargo test --locked "${profile[@]}" -p quadrille-testbed --tests -- --ignored thorough
+}
 fuzz() { QUADRILLE_FUZZ_SECONDS=60 cargo test "${whole[@]}" --test commands -- fuzz:: --nocapture --test-threads=8; }
-drivers() { scripts/prepare.sh --chromium && scripts/prepare.sh --validation && scripts/drivers.sh --workspace "${profile[@]}"; }
+drivers() { scripts/prepare.sh --chromium && scripts/prepare.sh --validation && scripts/drivers.sh --workspace --exclude quadrille-testbed "${profile[@]}"; }
 wheel() { make wheel PROFILE=ci WHEEL=--notebooks; }
 miri() { scripts/prepare.sh --miri && scripts/miri.sh; }
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Every test of the workspace, then the examples in the documentation. cargo-nextest, where it is installed, prints the time of each test and
+# The tests of the workspace (the long ones: scripts/release-check.sh), then the examples in the documentation. cargo-nextest, where it is installed, prints the time of each test and
 # ends one that hangs; `cargo test` runs them else.
 #
 #     scripts/test.sh [words for cargo, such as --profile ci] [-- names of tests]
