@@ -83,7 +83,7 @@ def install():
 
 
 def build():
-    subprocess.run(["cargo", "build", "--release", "--locked", "--quiet"], cwd=ROOT, check=True)
+    subprocess.run(["cargo", "build", "--release", "--locked", "--quiet", "-p", "quadrille", "-p", "quadrille-testbed"], cwd=ROOT, check=True)
     return ROOT / "target" / "release" / "quadrille"
 
 
@@ -319,8 +319,8 @@ class Contest:
         if code == "OpenCorr":
             return lambda: float(self.answer(self.opencorr(out, 2)).split()[1])
         if code == "quadrille" and not self.module:
-            command = [self.programs["quadrille"].with_name("testbed"), "devices", "--size", self.size, "--element-size", ELEMENT, "--runs", 1, "--frames", 1,
-                       "--device", "cpu", "--threads", self.threads, "--json"]
+            command = [self.programs["quadrille"].with_name("testbed"), "devices", "--size", self.size,
+                       "--element-size", ELEMENT, "--runs", 1, "--frames", 1, "--device", "cpu", "--threads", self.threads, "--json"]
 
             def bench():
                 pair = json.loads(self.answer(command))["devices"][0]["sizes"][0]["pair"]

@@ -108,7 +108,8 @@ class Bench:
     def program(self):
         """quadrille, built when it is not given, the testbed with it."""
         if not self.arguments.program:
-            subprocess.run(["cargo", "build", "--locked", "--profile", self.arguments.profile, "-p", "quadrille", "-p", "quadrille-testbed"], cwd=ROOT, check=True)
+            packages = ["-p", "quadrille", "-p", "quadrille-testbed"]
+            subprocess.run(["cargo", "build", "--locked", "--profile", self.arguments.profile, *packages], cwd=ROOT, check=True)
             folder = "debug" if self.arguments.profile == "dev" else self.arguments.profile
             self.arguments.program = ROOT / "target" / folder / "quadrille"
         return self.arguments.program.resolve()
@@ -117,7 +118,8 @@ class Bench:
         """The command by which cargo runs a bench or tests."""
         usual = "" if what == "bench" else " --release"
         profile = usual if self.arguments.profile == "release" else f" --profile {self.arguments.profile}"
-        return f"cargo {what} --locked{profile} -p quadrille-testbed {rest}" if what == "bench" else f"cargo {what} --locked{profile} {rest}"
+        package = " -p quadrille-testbed" if what == "bench" else ""
+        return f"cargo {what} --locked{profile}{package} {rest}"
 
     def series(self, device, rest):
         """The command that measures a series, but for its margin."""

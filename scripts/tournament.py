@@ -32,6 +32,8 @@ from pathlib import Path
 from study import call
 
 PX = 0.00193125  # mm
+# The data are computed with small rotations.
+EXACT = '["thickness", "faces", "pixel_size", "noise_level", "rotations"]'
 LAWS = ["extended-xu-needleman", "xu-needleman", "bilinear-power", "trapezoidal-power", "park-paulino-roesler", "smith-ferrante"]
 # The true laws: parameters, works of separation in opening and sliding (N/mm).
 TRUTHS = {
@@ -153,7 +155,7 @@ def draw(program, head, output, rows, name, noise_px, seed):
         f'{head}[cohesive]\nphi_n_N_per_mm = 1.5\ndelta_n_mm = 0.0035\ndelta_t_mm = 0.07\nr = 3.0\n'
         f'[measurement]\nfile = "measured.csv"\nnodes = "free"\nweights = "covariance"\nboundary = "exact"\n'
         f'common_reference = false\nnoise_mm = {noise}\n[fit]\nparameters = ["phi_n", "delta_n", "delta_t", "r"]\n'
-        f'laws = {json.dumps(LAWS)}\nexact = true\ndiscretisation = "off"\n')
+        f'laws = {json.dumps(LAWS)}\nexact = {EXACT}\ndiscretisation = "off"\n')
     begin = time.monotonic()
     call(program, "identify", folder / "case.toml", "--tournament", "--output", folder / "laws", "--quiet", "--threads", 1)
     return *read(folder / "laws"), time.monotonic() - begin
