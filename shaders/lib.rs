@@ -9,7 +9,7 @@ macro_rules! texts {
 }
 
 texts! {
-    "border" "cg_product" "cg_update" "copy" "correct" "downsample" "gather" "gradient" "largest" "normal_matrix"
+    "bend" "border" "cg_product" "cg_update" "copy" "correct" "downsample" "gather" "gradient" "largest" "normal_matrix"
     "penalty" "prefilter" "prolong" "residual" "residual_map" "residual_runs" "summary" "tally" "unpack"
     "shared/bilinear" "shared/cg" "shared/cubic" "shared/gradient" "shared/index" "shared/keys" "shared/light"
     "shared/place" "shared/q4" "shared/quintic" "shared/reduce" "shared/step" "shared/sums" "shared/tallies"

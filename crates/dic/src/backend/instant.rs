@@ -1,6 +1,7 @@
 //! A device that takes no time: what is left of a series is what the host does, which no graphics device makes faster.
 //! It measures nothing: `testbed series --device instant` alone takes it.
 
+use super::bend::{BentMoments, BentSums};
 use super::cpu::{CpuBackend, CpuField, CpuFrame, CpuLevel};
 use super::{
     Ahead, Backend, BackendError, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums, Place, Step,
@@ -30,6 +31,7 @@ struct Answers {
     sums: Vec<PixelSums>,
     all_sums: Vec<PixelSums>,
     right_hand_side: Vec<[f64; 2]>,
+    bent: Vec<BentSums>,
 }
 
 /// A displacement field that is iterated, or for which all is known.
@@ -317,6 +319,22 @@ impl Backend for InstantBackend {
         }
     }
 
+    fn bent_moments(&self, level: &CpuLevel, frame: &CpuFrame) -> Result<Vec<BentMoments>, BackendError> {
+        self.cpu.bent_moments(level, frame)
+    }
+
+    fn bent_sums(
+        &self,
+        level: &CpuLevel,
+        frame: &mut CpuFrame,
+        field: &InstantField,
+    ) -> Result<Vec<BentSums>, BackendError> {
+        match &field.0 {
+            Kind::Iterated { field, .. } => self.cpu.bent_sums(level, frame, field),
+            Kind::Known { answers, .. } => Ok(answers.bent.clone()),
+        }
+    }
+
     fn read_field(&self, level: &CpuLevel, frame: &mut CpuFrame, field: &InstantField) -> Result<Found, BackendError> {
         match &field.0 {
             Kind::Iterated { field, steps, remaining, is_predicted } => {
@@ -330,6 +348,7 @@ impl Backend for InstantBackend {
                         sums: self.cpu.element_sums(level, frame, field)?.0,
                         all_sums: self.cpu.all_sums(level, frame, field)?,
                         right_hand_side: self.cpu.right_hand_side(level, frame, field)?,
+                        bent: self.cpu.bent_sums(level, frame, field)?,
                     };
                     self.answers.get_or_init(|| Arc::new(answers));
                 }

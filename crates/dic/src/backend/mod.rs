@@ -1,6 +1,7 @@
 //! Where the pixel work is done: one trait, one implementation per device.
 
 mod adapter;
+pub mod bend;
 pub mod check;
 pub mod choice;
 pub mod cpu;
@@ -27,6 +28,7 @@ use crate::imaging::{Image, Interpolation};
 use crate::isa::Isa;
 use crate::linalg::Solver;
 use crate::mesh::PixelMesh;
+use bend::{BentMoments, BentSums};
 use std::ops::Deref;
 use std::sync::Arc;
 use thiserror::Error;
@@ -513,6 +515,24 @@ pub trait Backend: Clone + Send + Sync + 'static {
         frame: &mut Self::Frame,
         field: &Self::Field,
     ) -> Result<Found, BackendError>;
+
+    /// What a reference, made of `frame`, shows of displacements that bend within its elements, per element.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn bent_moments(&self, level: &Self::Level, frame: &Self::Frame) -> Result<Vec<BentMoments>, BackendError>;
+
+    /// How far the residual at the field as it is follows such displacements, per element; nothing of elements that are
+    /// out of the sums.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn bent_sums(
+        &self,
+        level: &Self::Level,
+        frame: &mut Self::Frame,
+        field: &Self::Field,
+    ) -> Result<Vec<BentSums>, BackendError>;
 
     /// What went between the host and the device for a frame, when they are two.
     fn traffic(&self, _frame: &Self::Frame) -> Option<Traffic> {

@@ -2,8 +2,8 @@
 
 use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions};
 use crate::correlate::{
-    AssumedNoise, Correlation, CorrelationError, Enough, Features, Finest, Iterated, Level, Limits, MATCHED, MeshLines,
-    MisfitTest, NodalSpread, NoiseGain, NoiseProbe, Options, Overlap, PointValuesOf, Prepared, Reference,
+    AssumedNoise, BendTest, Correlation, CorrelationError, Enough, Features, Finest, Iterated, Level, Limits, MATCHED,
+    MeshLines, MisfitTest, NodalSpread, NoiseGain, NoiseProbe, Options, Overlap, PointValuesOf, Prepared, Reference,
     Regularisation, Result, SeenByNode, Settled, Start, StartUsed, Turn, WILD_ELEMENTS, bare_borders, finest_level,
     high_frequency, iterate, nothing, replace_outliers, rounding,
 };
@@ -78,6 +78,7 @@ pub struct Correlator<B: Backend> {
     /// None where noise that is not white is not looked for, or the zones are too small.
     pub(super) probe: Option<NoiseProbe>,
     pub(super) misfit_test: MisfitTest,
+    pub(super) bend_test: BendTest,
     pub(super) mesh_lines: MeshLines,
     /// See [`Limits::enough`].
     pub(super) enough: Vec<Enough>,
@@ -189,6 +190,7 @@ impl<B: Backend> Correlator<B> {
         let mut frame = backend.frame(reference.clone(), &kernel)?;
         let Finest { level, spread, seen, dropped, held } =
             finest_level(&backend, &mut frame, &laid, &noise, &noise_gain, &kernel, &options)?;
+        let bend_test = BendTest::new(&backend.bent_moments(&level.prepared, &frame)?);
         let bare_borders = bare_borders(&reference, (&laid.mesh, &level.pattern), zones, &level.keep);
         let sigma = assumed_sigma(&noise, &noise_gain, &spread, options.n_references);
         let tolerance_px = tolerance_px(&options, &level, &sigma);
@@ -239,6 +241,7 @@ impl<B: Backend> Correlator<B> {
             noise_gain,
             probe,
             misfit_test,
+            bend_test,
             mesh_lines,
             enough,
             seen: match reference.options.is_held() || reference.options.noise.constant().is_some() {

@@ -71,6 +71,11 @@ pub(super) struct Light {
     pub offset: [f32; 4],
 }
 
+impl Light {
+    /// That leaves grey levels as they are.
+    pub const NONE: Self = Self { gain: [1.0; 4], offset: [0.0; 4] };
+}
+
 /// How lanes of the deformed image are brought to the light of the reference, before the transfer.
 pub(super) trait Brings: Copy {
     /// A row of lanes at `eta`.

@@ -3,6 +3,7 @@
 //! The unit of parallel work is a fixed number of elements or rows and every sum has a fixed order, so
 //! results have the same bits for any number of threads.
 
+mod bend;
 mod corners;
 mod gradient;
 mod lanes;
@@ -17,6 +18,7 @@ mod residual_fitted;
 mod residual_runs;
 mod sample;
 
+use crate::backend::bend::{BentMoments, BentSums};
 use crate::backend::pyramid::{Grey, Pyramid};
 use crate::backend::relaxation::{Relaxation, is_relaxed};
 use crate::backend::spline::{self, Spline};
@@ -64,6 +66,60 @@ impl CpuBackend {
     pub fn prefilter(&self, frame: &mut CpuFrame, level: usize) -> Result<(), BackendError> {
         frame.coefficients(self, level)?;
         Ok(())
+    }
+
+    /// The pixels of `map` in an image, and whether eight of them side by side are enough.
+    fn prepare(
+        &self,
+        frame: &mut CpuFrame,
+        level: usize,
+        map: &Arc<PixelMap>,
+        options: &KernelOptions,
+    ) -> Result<(Reference, bool), BackendError> {
+        let KernelOptions { interpolation, gradient_unit, .. } = *options;
+        // Nothing needs those of a reference any more.
+        let coefficients = match frame.coefficients.get_mut(level).and_then(Option::take) {
+            Some(coefficients) => coefficients,
+            None => frame.filter(self, level)?,
+        };
+        let (coefficients, at_pixel) = (coefficients.view(), AtPixel::new(interpolation, gradient_unit));
+        let narrow = map.elements().iter().all(|e| e.nx <= 8);
+        let offset = options.grey_offset;
+        let reference = if level == 0 {
+            match frame.grey.image.pixels() {
+                Levels::U8(grey) => self.pixels(&Source { grey, offset, coefficients, at_pixel }, map, narrow),
+                Levels::U16(grey) => self.pixels(&Source { grey, offset, coefficients, at_pixel }, map, narrow),
+                Levels::F32(grey) => self.pixels(&Source { grey, offset, coefficients, at_pixel }, map, narrow),
+            }
+        } else {
+            let grey = &frame.grey.level(level).values[..];
+            self.pixels(&Source { grey, offset: 0.0, coefficients, at_pixel }, map, narrow)
+        }?;
+        Ok((reference, narrow))
+    }
+
+    fn moments_of(&self, reference: &Reference, narrow: bool) -> Vec<BentMoments> {
+        let mut moments = vec![BentMoments::default(); reference.elements.len()];
+        moments.par_chunks_mut(PIECE).enumerate().for_each(|(piece, moments)| {
+            if narrow {
+                bend::bent_moments::<8>(self.isa, reference, piece * PIECE, moments);
+            } else {
+                bend::bent_moments::<16>(self.isa, reference, piece * PIECE, moments);
+            }
+        });
+        moments
+    }
+
+    /// [`Backend::bent_moments`] of a reference that lives elsewhere.
+    #[cfg(feature = "gpu")]
+    pub(super) fn bent_moments_of(
+        &self,
+        image: Arc<Image>,
+        map: &Arc<PixelMap>,
+        options: &KernelOptions,
+    ) -> Result<Vec<BentMoments>, BackendError> {
+        let (reference, narrow) = self.prepare(&mut self.frame(image, options)?, 0, map, options)?;
+        Ok(self.moments_of(&reference, narrow))
     }
 
     /// The pixels of a reference.
@@ -239,6 +295,62 @@ fn is_excluded(excluded: &[bool], element: usize) -> bool {
     excluded.get(element).is_some_and(|&excluded| excluded)
 }
 
+/// A pass over the pixels of a level, for any interpolation.
+trait WithSpline {
+    type Output;
+
+    fn run<S: Spline<K>, const K: usize, const L: usize>(self, spline: S) -> Self::Output;
+}
+
+/// Residual and sums of all elements.
+struct Evaluate<'a> {
+    level: &'a CpuLevel,
+    isa: Isa,
+    deformed: &'a Plane,
+    field: &'a mut CpuField,
+}
+
+impl WithSpline for Evaluate<'_> {
+    type Output = ();
+
+    fn run<S: Spline<K>, const K: usize, const L: usize>(self, spline: S) {
+        self.level.run::<S, K, L>(self.isa, self.deformed, self.field, spline);
+    }
+}
+
+/// What the residual of all elements follows beyond their field.
+struct Bend<'a> {
+    level: &'a CpuLevel,
+    isa: Isa,
+    deformed: &'a Plane,
+    field: &'a CpuField,
+}
+
+impl WithSpline for Bend<'_> {
+    type Output = Vec<BentSums>;
+
+    fn run<S: Spline<K>, const K: usize, const L: usize>(self, spline: S) -> Vec<BentSums> {
+        let Self { level, isa, deformed, field } = self;
+        let pass = &Pass::<L>::new(isa, &level.reference, deformed);
+        let mut sums = vec![BentSums::default(); level.mesh.n_elements()];
+        parts::for_each(sums.chunks_mut(PIECE).enumerate().collect(), |(piece, sums)| {
+            let first = piece * PIECE;
+            let elements = first..first + sums.len();
+            let at = |nodes: &[u32; 4]| Corners::new(nodes.map(|node| field.displacement[node as usize]));
+            let corners: Vec<Corners> = level.mesh.elements()[elements.clone()].iter().map(at).collect();
+            let light = field.light.as_deref().map(|light| &light[elements.clone()]);
+            let transfer = &field.element_transfer[elements];
+            bend::bent_sums::<S, K, L>(isa, pass, first, &corners, transfer, light, sums, spline);
+        });
+        for (element, sums) in sums.iter_mut().enumerate() {
+            if field.sums_of(element).n == 0.0 {
+                *sums = BentSums::default();
+            }
+        }
+        sums
+    }
+}
+
 impl CpuLevel {
     fn own_transfer(&self) -> bool {
         self.options.brightness == Brightness::Element
@@ -246,15 +358,20 @@ impl CpuLevel {
 
     /// Evaluates residual and sums of all elements at the field's displacement.
     fn evaluate(&self, isa: Isa, deformed: &Plane, field: &mut CpuField) {
+        self.with_spline(Evaluate { level: self, isa, deformed, field });
+    }
+
+    /// Does a pass over the pixels with the interpolation and the width of lanes of this level.
+    fn with_spline<W: WithSpline>(&self, pass: W) -> W::Output {
         match (self.options.interpolation, self.narrow) {
-            (Interpolation::Cubic, false) => self.run::<_, 4, 16>(isa, deformed, field, spline::Cubic),
-            (Interpolation::Cubic, true) => self.run::<_, 4, 8>(isa, deformed, field, spline::Cubic),
-            (Interpolation::Quintic, false) => self.run::<_, 6, 16>(isa, deformed, field, spline::Quintic),
-            (Interpolation::Quintic, true) => self.run::<_, 6, 8>(isa, deformed, field, spline::Quintic),
-            (Interpolation::Keys, false) => self.run::<_, 4, 16>(isa, deformed, field, spline::Keys),
-            (Interpolation::Keys, true) => self.run::<_, 4, 8>(isa, deformed, field, spline::Keys),
-            (Interpolation::Bilinear, false) => self.run::<_, 2, 16>(isa, deformed, field, spline::Bilinear),
-            (Interpolation::Bilinear, true) => self.run::<_, 2, 8>(isa, deformed, field, spline::Bilinear),
+            (Interpolation::Cubic, false) => pass.run::<_, 4, 16>(spline::Cubic),
+            (Interpolation::Cubic, true) => pass.run::<_, 4, 8>(spline::Cubic),
+            (Interpolation::Quintic, false) => pass.run::<_, 6, 16>(spline::Quintic),
+            (Interpolation::Quintic, true) => pass.run::<_, 6, 8>(spline::Quintic),
+            (Interpolation::Keys, false) => pass.run::<_, 4, 16>(spline::Keys),
+            (Interpolation::Keys, true) => pass.run::<_, 4, 8>(spline::Keys),
+            (Interpolation::Bilinear, false) => pass.run::<_, 2, 16>(spline::Bilinear),
+            (Interpolation::Bilinear, true) => pass.run::<_, 2, 8>(spline::Bilinear),
         }
     }
 
@@ -452,25 +569,7 @@ impl Backend for CpuBackend {
         mesh: &PixelMesh,
         options: &KernelOptions,
     ) -> Result<(CpuLevel, Vec<ElementMoments>), BackendError> {
-        let KernelOptions { interpolation, gradient_unit, .. } = *options;
-        // Nothing needs those of a reference any more.
-        let coefficients = match frame.coefficients.get_mut(level).and_then(Option::take) {
-            Some(coefficients) => coefficients,
-            None => frame.filter(self, level)?,
-        };
-        let (coefficients, at_pixel) = (coefficients.view(), AtPixel::new(interpolation, gradient_unit));
-        let narrow = mesh.pixels.elements().iter().all(|e| e.nx <= 8);
-        let (offset, map) = (options.grey_offset, &mesh.pixels);
-        let reference = if level == 0 {
-            match frame.grey.image.pixels() {
-                Levels::U8(grey) => self.pixels(&Source { grey, offset, coefficients, at_pixel }, map, narrow),
-                Levels::U16(grey) => self.pixels(&Source { grey, offset, coefficients, at_pixel }, map, narrow),
-                Levels::F32(grey) => self.pixels(&Source { grey, offset, coefficients, at_pixel }, map, narrow),
-            }
-        } else {
-            let grey = &frame.grey.level(level).values[..];
-            self.pixels(&Source { grey, offset: 0.0, coefficients, at_pixel }, map, narrow)
-        }?;
+        let (reference, narrow) = self.prepare(frame, level, &mesh.pixels, options)?;
         let with_transfer = options.brightness != Brightness::Off;
         let mesh = mesh.mesh.clone();
         let mut moments = vec![ElementMoments::default(); mesh.n_elements()];
@@ -715,6 +814,20 @@ impl Backend for CpuBackend {
         let any = light.iter().any(|light| *light != GreyTransfer::NONE);
         field.light = any.then(|| level.mesh.elements().iter().map(on).collect());
         Ok(())
+    }
+
+    fn bent_moments(&self, level: &CpuLevel, _: &CpuFrame) -> Result<Vec<BentMoments>, BackendError> {
+        Ok(self.moments_of(&level.reference, level.narrow))
+    }
+
+    fn bent_sums(
+        &self,
+        level: &CpuLevel,
+        frame: &mut CpuFrame,
+        field: &CpuField,
+    ) -> Result<Vec<BentSums>, BackendError> {
+        let deformed = frame.coefficients(self, level.level)?;
+        Ok(level.with_spline(Bend { level, isa: self.isa, deformed, field }))
     }
 
     fn read_field(&self, level: &CpuLevel, _: &mut CpuFrame, field: &CpuField) -> Result<Found, BackendError> {

@@ -6,6 +6,7 @@ use super::level::{GpuLevel, SUMS, TALLIES};
 use super::plane::GpuFrame;
 use super::shader::Kernel;
 use super::solver::{GpuSolver, NODES_TOGETHER, Vectors, gather};
+use crate::backend::bend::{BentSums, COLUMNS};
 use crate::backend::relaxation::is_relaxed;
 use crate::backend::{Ahead, BackendError, ElementMatch, Found, GreyTransfer, PixelSums, Step, Traffic};
 use crate::field::Brightness;
@@ -73,6 +74,9 @@ pub(super) type By<'a> = (&'a GpuSolver, [f64; 2]);
 /// shaders/shared/types.wgsl.
 const OUT: usize = 15;
 const EXCLUDED: f32 = -1.0;
+
+/// Values of shaders/bend.wgsl per element.
+const BENT_SUMS: usize = COLUMNS + 2;
 
 /// That there were no corrections before, as in shaders/correct.wgsl.
 const NOTHING: u32 = u32::MAX;
@@ -564,6 +568,36 @@ impl GpuField {
         };
         let sums = sums.chunks_exact(SUMS).enumerate().map(of_element).collect();
         Ok((sums, values::<layout::Zone>(zones).iter().map(|zone| of_zone(zone).1).collect()))
+    }
+
+    /// What the residual at the field as it is follows beyond it.
+    pub(super) fn bend(
+        &self,
+        gpu: &Gpu,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+    ) -> Result<Vec<BentSums>, BackendError> {
+        self.nothing_ahead(gpu)?;
+        let n_elements = level.mesh.n_elements();
+        let bytes = (size_of::<[f32; BENT_SUMS]>() * n_elements) as u64;
+        let bent = gpu.visible(bytes, "what the elements do not follow")?;
+        let light = if self.in_light { self.n_zones as u32 } else { 0 };
+        let kernels = level.bend_kernels(gpu, frame, [&self.displacement, &self.transfer, &bent], light)?;
+        let mut recorder = gpu.record();
+        recorder.clear(&bent);
+        kernels.iter().for_each(|(bound, groups)| recorder.run(bound, *groups));
+        let matched = &[(&bent, bytes), (&self.sums, (4 * SUMS * n_elements) as u64)];
+        let fetched = recorder.fetch(matched, &mut frame.traffic)?;
+        let (bent, sums) = fetched.split_at(bytes as usize);
+        let of_element = |(bent, sums): (&[f32; BENT_SUMS], &[f32; SUMS])| {
+            if sums[8] == 0.0 || sums[OUT] == EXCLUDED {
+                return BentSums::default();
+            }
+            let at = |k: usize| f64::from(bent[k]);
+            BentSums { along: std::array::from_fn(at), rr: at(COLUMNS), n: at(COLUMNS + 1) }
+        };
+        let (bent, sums) = (values::<[f32; BENT_SUMS]>(bent), values::<[f32; SUMS]>(sums));
+        Ok(bent.iter().zip(&sums).map(of_element).collect())
     }
 
     /// Sets the light of the nodes.

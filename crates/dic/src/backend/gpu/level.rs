@@ -165,6 +165,11 @@ impl GpuLevel {
         Ok((prepared, moments))
     }
 
+    /// The pixels of its elements.
+    pub(super) fn pixels(&self) -> &Arc<PixelMap> {
+        &self.pixels
+    }
+
     /// Whether each element has a gain and offset of its own.
     pub(super) fn own_transfer(&self) -> bool {
         self.options.brightness == Brightness::Element
@@ -358,8 +363,33 @@ impl GpuLevel {
         &self,
         gpu: &Gpu,
         frame: &mut GpuFrame,
+        buffers: [&Buffer; 3],
+        light: u32,
+    ) -> Result<Vec<(Bound, u32)>, BackendError> {
+        let kernels = [(Kernel::Residual, self.elements.len()), (Kernel::ResidualRuns, self.n_listed)];
+        let kernels = if self.has_rectangles { &kernels[..] } else { &kernels[1..] };
+        self.pixel_kernels(gpu, frame, buffers, light, kernels)
+    }
+
+    /// Those of [`GpuField::bend`](super::GpuField).
+    pub(super) fn bend_kernels(
+        &self,
+        gpu: &Gpu,
+        frame: &mut GpuFrame,
+        buffers: [&Buffer; 3],
+        light: u32,
+    ) -> Result<Vec<(Bound, u32)>, BackendError> {
+        self.pixel_kernels(gpu, frame, buffers, light, &[(Kernel::Bend, self.elements.len())])
+    }
+
+    /// Kernels, each of so many elements, that read the pixels of both images.
+    fn pixel_kernels(
+        &self,
+        gpu: &Gpu,
+        frame: &mut GpuFrame,
         [displacement, transfer, sums]: [&Buffer; 3],
         light: u32,
+        of: &[(Kernel, usize)],
     ) -> Result<Vec<(Bound, u32)>, BackendError> {
         let deformed = frame.coefficients(gpu, self.level)?;
         let mut kernels = Vec::new();
@@ -367,7 +397,7 @@ impl GpuLevel {
             let reach = super::plane::BORDER as isize;
             let (from, to) = (window.deformed.start as isize, window.deformed.end as isize);
             let (taps, _) = deformed.rows(from - reach, to + reach);
-            let common = [
+            let bindings = [
                 window.pass.whole(),
                 self.reference.rows(window.reference.start, window.reference.end),
                 taps,
@@ -375,16 +405,12 @@ impl GpuLevel {
                 displacement.whole(),
                 transfer.whole(),
                 sums.whole(),
+                self.shape.whole(),
             ];
-            if self.has_rectangles {
-                let pipeline = gpu.pipeline_in_light(Kernel::Residual, self.options.interpolation, self.lanes, light);
-                kernels.push((gpu.bind(&pipeline, &common), self.residual_groups(self.elements.len())));
-            }
-            if self.n_listed > 0 {
-                let pipeline =
-                    gpu.pipeline_in_light(Kernel::ResidualRuns, self.options.interpolation, self.lanes, light);
-                let bindings: Vec<_> = common.into_iter().chain([self.shape.whole()]).collect();
-                kernels.push((gpu.bind(&pipeline, &bindings), self.residual_groups(self.n_listed)));
+            for &(kernel, n) in of.iter().filter(|(_, n)| *n > 0) {
+                let pipeline = gpu.pipeline_in_light(kernel, self.options.interpolation, self.lanes, light);
+                let bound = gpu.bind(&pipeline, &bindings[..kernel.bindings().len()]);
+                kernels.push((bound, self.residual_groups(n)));
             }
         }
         Ok(kernels)

@@ -27,7 +27,9 @@ pub use profile::{Noted, Timing, Work};
 pub use shader::{Binding, Extent, KERNELS, Kernel, Part, source};
 pub use solver::GpuSolver;
 
+use crate::backend::bend::{BentMoments, BentSums};
 use crate::backend::check::DeviceCheck;
+use crate::backend::cpu::CpuBackend;
 use crate::backend::{
     Ahead, Backend, BackendError, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions, OnDevice, PixelSums,
     Place, Step, Traffic,
@@ -351,6 +353,20 @@ impl Backend for GpuBackend {
 
     fn read_field(&self, level: &GpuLevel, frame: &mut GpuFrame, field: &GpuField) -> Result<Found, BackendError> {
         field.read(&self.gpu, level, &mut frame.traffic)
+    }
+
+    fn bent_moments(&self, level: &GpuLevel, frame: &GpuFrame) -> Result<Vec<BentMoments>, BackendError> {
+        // Once per reference, and the device has not the words for it: on the host.
+        CpuBackend::default().bent_moments_of(frame.host.image.clone(), level.pixels(), &level.options)
+    }
+
+    fn bent_sums(
+        &self,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        field: &GpuField,
+    ) -> Result<Vec<BentSums>, BackendError> {
+        field.bend(&self.gpu, level, frame)
     }
 
     fn traffic(&self, frame: &GpuFrame) -> Option<Traffic> {

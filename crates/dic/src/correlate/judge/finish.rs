@@ -1,11 +1,12 @@
 //! What an iteration has found: status, uncertainty, marks and summary of a frame.
 
+use crate::backend::bend::BentSums;
 use crate::backend::{Backend, ElementMatch, Found, GreyTransfer, PixelSums};
 use crate::correlate::{
-    Correlation, Correlator, DeformationGradient, ENOUGH_BY_SIGMA, Elements, Followed, ImagePair, Iterated, LEAST_LEFT,
-    Level, Light, Limits, Look, MATCHED, NodalSpread, OfElement, Outcome, Own, PhotonNoise, Residuals, Result, Seen,
-    Settled, StartUsed, TOO_SLOW, ZoneResult, continue_field, factors, fill_field, follow_nodes, is_suspected, iterate,
-    lost_in_noise, mark_pulled_along, nothing, numbers, rigid, spread_of,
+    Bent, Correlation, Correlator, DeformationGradient, ENOUGH_BY_SIGMA, Elements, Followed, ImagePair, Iterated,
+    LEAST_LEFT, Level, Light, Limits, Look, MATCHED, NodalSpread, OfElement, Outcome, Own, PhotonNoise, Residuals,
+    Result, Seen, Settled, StartUsed, TOO_SLOW, ZoneResult, continue_field, factors, fill_field, follow_nodes,
+    is_named, is_suspected, iterate, lost_in_noise, mark_pulled_along, nothing, numbers, rigid, spread_of,
 };
 use crate::field::{Brightness, ElementMark, Measurement, ModelError, Status};
 use rayon::prelude::*;
@@ -34,6 +35,16 @@ struct Ended<'a, B: Backend> {
     spread: &'a NodalSpread,
     by_grey: Elements<'a>,
     photon_noise: Option<PhotonNoise>,
+}
+
+/// What is odd about an element.
+#[derive(Clone, Copy, PartialEq)]
+enum Odd {
+    Not,
+    /// Its residual is a displacement that the field does not follow.
+    Bent,
+    /// It is beyond noise in another way.
+    Loud,
 }
 
 struct Measured {
@@ -229,14 +240,20 @@ impl<B: Backend> Correlator<B> {
         let matches = self.zone_matches(&found.zones, &found.elements);
         let status = self.judge(&outcome, &found.elements, &matches, &excluded);
         let is_as_iterated = status == Status::Converged && excluded == before;
-        Ok(Settled { of: Iterated { outcome, found, light, excluded }, is_as_iterated, matches, status })
+        let bent = match status {
+            Status::Converged | Status::IterationLimit => {
+                self.backend.bent_sums(&self.levels[0].prepared, frame, field)?
+            }
+            _ => Vec::new(),
+        };
+        Ok(Settled { of: Iterated { outcome, found, light, excluded }, is_as_iterated, matches, status, bent })
     }
 
     /// Uncertainty, marks and summary of a field, and whether it is one.
     pub(crate) fn measure(
         &self,
         frame: &B::Frame,
-        Settled { of: Iterated { outcome, found, light, excluded }, matches, mut status, .. }: Settled<B>,
+        Settled { of: Iterated { outcome, found, light, excluded }, matches, mut status, bent, .. }: Settled<B>,
         start: StartUsed,
         coarse_iterations: usize,
     ) -> Correlation {
@@ -277,7 +294,7 @@ impl<B: Backend> Correlator<B> {
             let own = own_noise.as_ref().map_or([1.0; 2], |own| own[node]);
             (0..2).for_each(|c| sigma[c] *= own[c] * noise_factor[c]);
         }
-        let (model_error, misfit) = self.model_error(&of, &made, &excluded);
+        let (model_error, odd) = self.model_error(&of, &made, &excluded, &bent);
         // Whether it has lost so many elements that do not match that those left have been chosen.
         let has_lost = |zone: usize| {
             let elements = mesh.zone_elements(zone);
@@ -289,7 +306,7 @@ impl<B: Backend> Correlator<B> {
             status = Status::Diverged;
         }
         let Measured { sigma, measured, zones, nodes_at_bound, .. } = made;
-        let mut marks = self.marks(&pair, &elements, &excluded, &misfit, &everywhere);
+        let mut marks = self.marks(&pair, &elements, &excluded, &odd, &everywhere);
         mark_pulled_along(mesh, &mut marks, &model_error, &sigma);
         let counted: Vec<bool> = elements.iter().map(|e| e.n > 0.0).collect();
         let mut all = PixelSums::default();
@@ -443,18 +460,31 @@ impl<B: Backend> Correlator<B> {
         in_noise.len()
     }
 
-    fn model_error(&self, of: &Ended<'_, B>, made: &Measured, excluded: &[bool]) -> (ModelError, Vec<bool>) {
+    /// What the field may be off beyond noise, and what is odd about each element: misfit where its residual is a
+    /// displacement, still where it is beyond noise in another way.
+    fn model_error(
+        &self,
+        of: &Ended<'_, B>,
+        made: &Measured,
+        excluded: &[bool],
+        bent: &[BentSums],
+    ) -> (ModelError, Vec<Odd>) {
         let displacement = of.by_grey.displacement;
-        let Elements { matched, transfer, .. } = of.by_grey;
+        let Elements { mesh, matched, transfer, .. } = of.by_grey;
         let residuals = self.residuals(matched, displacement, transfer, &of.spread.freedom, excluded);
-        let (excess, looks) = self.misfit_test.excess_and_looks(&residuals);
+        let looks = self.misfit_test.rate_residuals(&residuals);
         let solver = of.outcome.own.as_ref().map_or(&*self.levels[0].solver, |own| &own.solver);
-        let nodes = self.mesh_lines.estimate_errors(displacement, &made.sigma, &made.measured, &excess.nodes, solver);
-        let model_error = ModelError { nodes, misfit: excess.not_followed };
-        let is_misfit =
-            |(look, &misfit): (&Option<Look>, &f64)| misfit > 0.0 && look.is_some_and(|look| look.ratio > MARKED_RATIO);
-        let misfit = looks.iter().zip(&model_error.misfit).map(is_misfit).collect();
-        (model_error, misfit)
+        let Bent { not_followed, nodes } = self.bend_test.test(mesh, bent, solver);
+        let nodes = self.mesh_lines.estimate_errors(displacement, &made.sigma, &made.measured, &nodes, solver);
+        let model_error = ModelError { nodes, misfit: not_followed };
+        let is_loud = |look: &Option<Look>| look.is_some_and(|look| look.is_beyond && look.ratio > MARKED_RATIO);
+        let odd = |(is_named, look): (bool, &Option<Look>)| match (is_named, is_loud(look)) {
+            (true, _) => Odd::Bent,
+            (false, true) => Odd::Loud,
+            (false, false) => Odd::Not,
+        };
+        let odd = is_named(mesh, &model_error, &made.sigma).into_iter().zip(&looks).map(odd).collect();
+        (model_error, odd)
     }
 
     /// What was found, with the nodes on faces of cuts that their elements have lost and that can be followed by
@@ -550,7 +580,7 @@ impl<B: Backend> Correlator<B> {
         pair: &ImagePair<'_>,
         elements: &[ElementMatch],
         excluded: &[bool],
-        misfit: &[bool],
+        odd: &[Odd],
         everywhere: &[bool],
     ) -> Vec<ElementMark> {
         let Level { mesh, moments, .. } = &self.levels[0];
@@ -558,7 +588,7 @@ impl<B: Backend> Correlator<B> {
         // What is nearly everywhere in a zone has one name, and is told by all of it.
         let is_wide = |zone: usize| {
             let counted = || mesh.zone_elements(zone).filter(counts);
-            let named = counted().filter(|&element| misfit[element]).count();
+            let named = counted().filter(|&element| odd[element] != Odd::Not).count();
             everywhere[zone] || 2 * named > counted().count()
         };
         let of_zone = |zone: usize| match is_wide(zone) {
@@ -575,7 +605,9 @@ impl<B: Backend> Correlator<B> {
                 let zone = mesh.element_zone()[element] as usize;
                 match of_zones[zone] {
                     mark if everywhere[zone] => mark,
-                    _ if !misfit[element] => ElementMark::None,
+                    _ if odd[element] == Odd::Not => ElementMark::None,
+                    ElementMark::Still => ElementMark::Still,
+                    _ if odd[element] == Odd::Loud => pair.name(element, ElementMark::None),
                     ElementMark::None => pair.name(element, ElementMark::Misfit),
                     mark => mark,
                 }

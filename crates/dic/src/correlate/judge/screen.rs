@@ -67,7 +67,7 @@ impl<B: Backend> Correlator<B> {
         let looks = self.misfit_test.rate_residuals(&residuals);
         let is_out = |(element, look): (usize, Option<Look>)| {
             let was = excluded[element];
-            let Some(Look { ratio, px, share }) = look else { return was };
+            let Some(Look { ratio, px, share, .. }) = look else { return was };
             if was {
                 return times[element] >= TIMES || (ratio > BACK_RATIO && (px > BACK_PX || share > BACK_SHARE));
             }

@@ -1,10 +1,7 @@
-//! Where the residual says that the field is not followed (THEORY 11): every element against the noise of its zone.
+//! How far the residual of an element is beyond that of its zone: what does not match, or is not of the specimen.
 //!
-//! Noise is alike in much and in little texture; a displacement `du` that is not followed, and a blur, leave a residual
-//! that grows with the gradient, `mean (grad f . du)^2`. So the mean squares of the residual of a zone's elements are
-//! fitted by noise (constant, and with the grey level) plus a share of the gradient's; the first is what elements are
-//! held against. A share below a tenth in amplitude is misfit only where the reference has less noise by its fine
-//! structure: the interpolation of fine texture leaves as much.
+//! The mean squares of the residual of a zone's elements are fitted by noise, constant and with the grey level, plus a
+//! share of the gradient's: a blur, the interpolation and a displacement that is followed nowhere grow with it.
 
 use crate::backend::{ElementMatch, ElementMoments, GreyTransfer};
 use crate::correlate::{NoiseGain, displacement_in_middle};
@@ -14,19 +11,10 @@ use crate::units::Px;
 /// Below this correlation coefficient a zone does not match the reference, whatever the corrections say, and an element
 /// does not say what the noise is.
 pub(crate) const MATCHED: f64 = 0.5;
-/// Share of the elements of a zone without misfit that the test names, all of them together.
+/// Share of the elements of a zone that are beyond its noise by chance, all of them together.
 const FALSE_ALARM: f64 = 0.01;
-/// The residual of an element has to exceed that of noise by this share as well: less may be noise that is not the same
-/// everywhere.
-const EXCESS_AMPLITUDE: f64 = 0.1;
-/// and the displacement that is not followed this many px: less is the interpolation's and the rounding's.
-const EXCESS_PX: f64 = 0.02;
 /// Elements of a zone from which its noise can be told from its misfit.
 const ENOUGH: usize = 16;
-/// Least share of the noise's variance that a misfit everywhere adds, and that share where the fine structure of the
-/// reference says that its noise is less by [`LESS`].
-const EVERYWHERE: [f64; 2] = [0.21, 0.05];
-const LESS: f64 = 0.8;
 /// A share of the gradient this many standard deviations from nothing is real.
 const SIGNIFICANT: f64 = 3.0;
 /// Elements that are enough to tell the noise of a zone by; of more, every second, third, .. is taken.
@@ -56,23 +44,17 @@ pub(crate) struct MisfitTest {
     pub fine: f64,
 }
 
-/// What one frame's residual says of its elements.
-pub(crate) struct Excess {
-    /// Displacement that each element does not follow, root mean square, px; zero where the test does not name it.
-    pub not_followed: Vec<f64>,
-    /// Square of the displacement of each component not followed around each node, px^2: zero where nothing shows.
-    pub nodes: Vec<[f64; 2]>,
-}
-
 /// What one element's residual is against that of its zone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Look {
-    /// Mean square of the residual over that of the noise of the zone, what the field leaves there everywhere included.
+    /// Mean square of the residual over that of the zone, with what grows with the gradient.
     pub ratio: f64,
     /// Displacement that would leave what is beyond, root mean square, px.
     pub px: f64,
     /// What is beyond, over the variance of the texture.
     pub share: f64,
+    /// Whether chance alone does not bring it there.
+    pub is_beyond: bool,
 }
 
 pub(crate) struct Residuals<'a> {
@@ -113,17 +95,14 @@ struct ZoneNoise {
     mean_grey: f64,
     /// Standard deviation of an element's mean square of pure noise, in that, times the root of its pixels.
     spread: f64,
-    /// Part of the variance that grows with the gradient and is taken for noise all the same, px^2.
+    /// What grows with the gradient, px^2; zero where that is not significant.
     by_texture: f64,
-    /// Square of the displacement that is followed nowhere, px^2; zero where that is not significant.
-    everywhere: f64,
 }
 
 impl ZoneNoise {
     fn at(&self, seen: &Seen) -> f64 {
         // Dark elements are not without noise.
-        let noise = (self.constant + self.slope * (seen.grey - self.mean_grey)).max(0.25 * self.constant);
-        noise + self.by_texture * seen.x
+        (self.constant + self.slope * (seen.grey - self.mean_grey)).max(0.25 * self.constant)
     }
 }
 
@@ -146,87 +125,17 @@ impl MisfitTest {
         Self { texture, around, gradient_noise_gain, fine }
     }
 
-    /// What the residual of a frame says, and [`MisfitTest::rate_residuals`]: what both need is made once.
-    pub fn excess_and_looks(&self, frame: &Residuals<'_>) -> (Excess, Vec<Option<Look>>) {
-        let seen = self.look_at_zones(frame);
-        let noise: Vec<Option<ZoneNoise>> =
-            seen.iter().map(|seen| self.noise_of(frame, &sample_of(seen.iter().collect()))).collect();
-        let looks = self.rate_elements(frame, &seen, Some(&noise));
-        (self.excess(frame.mesh, &seen, &noise), looks)
-    }
-
     fn look_at_zones(&self, frame: &Residuals<'_>) -> Vec<Vec<Seen>> {
         let mesh = frame.mesh;
         let of_zone = |zone| mesh.zone_elements(zone).filter_map(|element| self.look_at(frame, element)).collect();
         (0..mesh.zones().len()).map(of_zone).collect()
     }
 
-    fn noise_of(&self, frame: &Residuals<'_>, sample: &[&Seen]) -> Option<ZoneNoise> {
-        zone_noise(sample, frame.noise, self.fine, self.gradient_noise_gain * frame.gain.of_reference.powi(2))
-    }
-
-    fn excess(&self, mesh: &Mesh<Px>, seen: &[Vec<Seen>], noise: &[Option<ZoneNoise>]) -> Excess {
-        let mut not_followed = vec![0.0; mesh.n_elements()];
-        // Residual, noise, gradients and variance of the noise, added up around each node.
-        let mut sums = vec![[0.0; 5]; mesh.n_nodes()];
-        let mut everywhere = vec![0.0; mesh.zones().len()];
-        for ((everywhere, seen), noise) in everywhere.iter_mut().zip(seen).zip(noise) {
-            let Some(noise) = noise else { continue };
-            *everywhere = noise.everywhere;
-            let beyond = normal_quantile(1.0 - FALSE_ALARM / seen.len() as f64);
-            for one in seen {
-                let expected = noise.at(one);
-                let spread = noise.spread / one.n.sqrt();
-                // The noise is in the gradient as well, and no texture.
-                let texture = |c: usize| {
-                    let power = self.texture[one.element].gradient[c];
-                    (power - self.gradient_noise_gain * expected).max(0.25 * power)
-                };
-                let gradient = [texture(0), texture(1)];
-                let excess = one.gain * (one.y - expected).max(0.0);
-                let px = (excess / (0.5 * (gradient[0] + gradient[1])).max(f64::MIN_POSITIVE)).sqrt();
-                // Where there is misfit everywhere no single element has to prove it.
-                let by_chance = if noise.everywhere > 0.0 { 0.0 } else { chi_square_ratio(beyond, spread) };
-                let limit = by_chance.max((1.0 + EXCESS_AMPLITUDE).powi(2));
-                if one.y > limit * expected && px > EXCESS_PX {
-                    not_followed[one.element] = px;
-                }
-                let nodes = mesh.elements()[one.element];
-                let corners = if nodes[2] == nodes[3] { 3 } else { 4 };
-                let expected = expected * one.gain;
-                let terms = [one.y * one.gain, expected, gradient[0], gradient[1], (spread * expected).powi(2) * one.n];
-                for &node in &nodes[..corners] {
-                    let sum = &mut sums[node as usize];
-                    for (sum, term) in sum.iter_mut().zip(terms) {
-                        *sum += one.n * term;
-                    }
-                }
-            }
-        }
-        let at_node = |(node, [found, noise, gx, gy, variance]): (usize, [f64; 5])| {
-            let excess = found - noise;
-            let there = if excess > SIGNIFICANT * variance.sqrt() { excess } else { 0.0 };
-            let floor = everywhere[mesh.node_zone()[node] as usize];
-            [gx, gy].map(|gradient| if gradient > 0.0 { (there / gradient).max(floor) } else { 0.0 })
-        };
-        Excess { not_followed, nodes: sums.into_iter().enumerate().map(at_node).collect() }
-    }
-
     /// How far the residual of each element is beyond what that of its zone is; none of elements that say nothing.
     /// Elements that do not correlate do not say what the noise is, unless all but a few do not.
     pub fn rate_residuals(&self, frame: &Residuals<'_>) -> Vec<Option<Look>> {
-        self.rate_elements(frame, &self.look_at_zones(frame), None)
-    }
-
-    /// The same at the elements `seen`, where the noise that all of a zone show may be known.
-    fn rate_elements(
-        &self,
-        frame: &Residuals<'_>,
-        seen: &[Vec<Seen>],
-        known: Option<&[Option<ZoneNoise>]>,
-    ) -> Vec<Option<Look>> {
         let mut looks = vec![None; frame.mesh.n_elements()];
-        for (zone, seen) in seen.iter().enumerate() {
+        for seen in self.look_at_zones(frame) {
             let kept = |one: &&Seen| !frame.excluded[one.element];
             let alike = |one: &&Seen| kept(one) && frame.elements[one.element].correlation >= MATCHED;
             let n_alike = seen.iter().filter(alike).count();
@@ -234,23 +143,26 @@ impl MisfitTest {
                 true => seen.iter().filter(alike).collect(),
                 false => seen.iter().filter(kept).collect(),
             };
-            let of_all = known.filter(|_| said.len() == seen.len()).map(|known| known[zone]);
             let sample = sample_of(said);
-            let Some(mut noise) = of_all.unwrap_or_else(|| self.noise_of(frame, &sample)) else { continue };
+            let in_both = self.gradient_noise_gain * frame.gain.of_reference.powi(2);
+            let Some(mut noise) = zone_noise(&sample, frame.noise, self.fine, in_both) else { continue };
+            let by_chance = normal_quantile(1.0 - FALSE_ALARM / seen.len().max(1) as f64);
             if sample.len() < ENOUGH {
                 // Of a few, one that is off must not say what the others are held against.
                 let mut sorted: Vec<f64> = sample.iter().map(|one| one.y).collect();
                 sorted.sort_by(f64::total_cmp);
                 noise.constant = noise.constant.min(sorted[(sorted.len() - 1) / 2]);
             }
-            for one in seen {
-                let expected = noise.at(one) + noise.everywhere * one.x;
+            for one in &seen {
+                let expected = noise.at(one) + noise.by_texture * one.x;
                 let power = 0.5 * (self.texture[one.element].gradient[0] + self.texture[one.element].gradient[1]);
                 let texture = (power - self.gradient_noise_gain * noise.at(one)).max(0.25 * power);
                 let excess = one.gain * (one.y - expected).max(0.0);
                 let px = (excess / texture.max(f64::MIN_POSITIVE)).sqrt();
                 let share = excess / self.texture[one.element].variance.max(f64::MIN_POSITIVE);
-                looks[one.element] = Some(Look { ratio: one.y / expected.max(f64::MIN_POSITIVE), px, share });
+                let ratio = one.y / expected.max(f64::MIN_POSITIVE);
+                let is_beyond = ratio > chi_square_ratio(by_chance, noise.spread / one.n.sqrt());
+                looks[one.element] = Some(Look { ratio, px, share, is_beyond });
             }
         }
         looks
@@ -292,7 +204,7 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
     let spread_grey = mean(&|one| (one.grey - mean_grey).powi(2)).sqrt();
     let white = 2f64.sqrt();
     let constant = mean(&|one| one.y);
-    let mut found = ZoneNoise { constant, slope: 0.0, mean_grey, spread: white, by_texture: 0.0, everywhere: 0.0 };
+    let mut found = ZoneNoise { constant, slope: 0.0, mean_grey, spread: white, by_texture: 0.0 };
     if seen.len() < ENOUGH || mean_x <= 0.0 {
         if let Some(noise) = stated {
             found.constant = found.constant.min(noise * noise);
@@ -361,17 +273,12 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
         found.constant = constant.max(0.01 * sorted[0]);
         noise = found.constant.min(fine * fine);
         found.spread = spread;
-        found.everywhere = if with_texture { by_texture / mean_x } else { 0.0 };
+        found.by_texture = if with_texture { by_texture / mean_x } else { 0.0 };
         for ((limit, weight), one) in limits.iter_mut().zip(&mut weights).zip(seen) {
-            let fit = found.at(one) + found.everywhere * one.x;
+            let fit = found.at(one) + found.by_texture * one.x;
             *limit = fit * (1.0 + OUTLYING * spread / one.n.sqrt());
             *weight = 1.0 / (fit * fit).max(f64::MIN_POSITIVE);
         }
-    }
-    let share = found.everywhere * mean_x;
-    let less = fine * fine < LESS * found.constant;
-    if !(share > EVERYWHERE[0] * found.constant || less && share > EVERYWHERE[1] * found.constant) {
-        (found.by_texture, found.everywhere) = (found.everywhere, 0.0);
     }
     Some(found)
 }
@@ -435,7 +342,7 @@ mod tests {
             let noise = zone_noise(&elements(px, 400).iter().collect::<Vec<_>>(), None, 2.0, 0.0).unwrap();
             // The intercept of 400 elements scatters by about 2 % of the mean, 4 + 100 px^2.
             assert!((noise.constant - 4.0).abs() < 0.08 * (4.0 + 100.0 * px * px), "{px}: {}", noise.constant);
-            assert!((noise.everywhere - px * px).abs() < 0.1 * px * px + 1e-12, "{px}: {}", noise.everywhere);
+            assert!((noise.by_texture - px * px).abs() < 0.1 * px * px + 1e-12, "{px}: {}", noise.by_texture);
         }
     }
 
@@ -445,6 +352,6 @@ mod tests {
         seen.iter_mut().take(30).for_each(|one| one.y *= 20.0);
         let noise = zone_noise(&seen.iter().collect::<Vec<_>>(), None, 2.0, 0.0).unwrap();
         assert!((noise.constant - 4.0).abs() < 0.1, "{}", noise.constant);
-        assert_eq!(noise.everywhere, 0.0);
+        assert_eq!(noise.by_texture, 0.0);
     }
 }

@@ -1,5 +1,6 @@
 //! Standard uncertainties: noise of the camera, its correlation, misfit and model error.
 
+pub(crate) mod bend;
 pub(crate) mod misfit;
 pub(crate) mod model_error;
 pub(crate) mod noise_correlation;

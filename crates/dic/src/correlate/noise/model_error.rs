@@ -4,10 +4,8 @@
 //! - **The mesh is too coarse.** A smooth displacement that the elements only follow with straight lines is overshot at
 //!   the nodes by `h^2 u''/12` (projection of a parabola on linear elements; at an end as well): a twelfth of the
 //!   second difference of the nodal values.
-//! - **What the residual shows**: waves shorter than two elements, cracks, a blur
-//!   ([`crate::correlate::noise::misfit`]). The texture turns the displacement that is not followed into an error of
-//!   the nodes, as it does with noise; measured 0.5 to 0.9 of its root mean square in waves of 1.5 to 2 elements, 0.2
-//!   in a blur, so that as a whole is taken.
+//! - **What the residual shows** ([`crate::correlate::noise::bend`]): waves of a few elements, cracks. The larger of this
+//!   and the first counts, since both see the same.
 //! - **A regularisation** draws the field to what it prefers: `a = A^-1 M a_true`, `A = M + w R`, is short of the truth
 //!   by `A^-1 w R a_true`. Of that the first two terms of the series in the field found are taken.
 
@@ -125,14 +123,14 @@ impl MeshLines {
         self.through.iter().zip(&self.ending).map(of_node).collect()
     }
 
-    /// The error of each displacement beyond noise, px; zero at nodes that were not measured. `not_followed` is the square
-    /// of the displacement not followed around each node, px^2, and `solver` that of the frame.
+    /// The error of each displacement beyond noise, px; zero at nodes that were not measured. `by_bending` is what the
+    /// displacement that bends within the elements does to each node, px, and `solver` that of the frame.
     pub fn estimate_errors(
         &self,
         displacement: &[[f64; 2]],
         sigma: &[[f64; 2]],
         measured: &[bool],
-        not_followed: &[[f64; 2]],
+        by_bending: &[[f64; 2]],
         solver: &Solver,
     ) -> Vec<[f64; 2]> {
         let coarse = self.coarseness(displacement, sigma, measured, !solver.is_held());
@@ -143,7 +141,7 @@ impl MeshLines {
             }
             [0, 1].map(|c| {
                 let bias = bias.as_ref().map_or(0.0, |bias| bias[node][c]);
-                (coarse[node][c] + not_followed[node][c] + bias * bias).sqrt()
+                (coarse[node][c].max(by_bending[node][c].powi(2)) + bias * bias).sqrt()
             })
         };
         (0..measured.len()).map(at).collect()

@@ -1,0 +1,322 @@
+//! Is a residual a displacement (THEORY 19)? What grows with the gradient need not be one: interpolation of sharp dots,
+//! compression, a hair of blur. So the residual is asked: in every element it is fitted by all that a bilinear field and
+//! the light can take, and then by displacements that bend within the element.
+//!
+//! Under noise, the mean square along the latter over that of the rest is a variable F. An element far beyond it shows a
+//! displacement by itself. Weaker ones show by their neighbours: a displacement is continuous, so that what bends one
+//! element bends the next. Where no mode does, the level of F in the zone is that of its noise, of any colour.
+
+use crate::backend::bend::{BentMoments, BentSums, COLUMNS, FLAT, POWERS, product};
+use crate::field::ModelError;
+use crate::linalg::Solver;
+use crate::mesh::Mesh;
+use crate::units::Px;
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// Columns of the fit that a bilinear field and the light can take: the gradient's components times 1, z, w, zw; f; 1.
+const TAKEN: usize = 2 * FLAT + 2;
+/// Those that bend, per component.
+const BENT: usize = POWERS.len() - FLAT;
+/// and of both.
+const MODES: usize = 2 * BENT;
+/// What a column has beside those before it must be at least this share of its square: less is round-off.
+const LEAST_OWN: f64 = 1e-4;
+/// Standard deviates of F at which a single element shows a displacement: one in 3000 of those that are followed.
+const SHOWN: f64 = 3.4;
+/// Correlation of a mode between neighbouring elements from which on it is a displacement, which is continuous. What
+/// interpolation, compression and a blur leave goes with the texture: 0.32 at most in 44 scenes (scripts/verdicts.py).
+const COHERENT: f64 = 0.4;
+/// and pairs of neighbours without which that is chance.
+const PAIRS: usize = 24;
+/// Values of a mode are cut at so many of its median sizes: a few elements that are far off do not speak for all.
+const CUT: f64 = 3.0;
+/// Elements from which the level of F, and its spread, are those of their zone.
+const ENOUGH: usize = 16;
+/// An element is named when its displacement is off by so many standard uncertainties of its nodes.
+const NAMED_SIGMAS: f64 = 1.7;
+
+/// The place of a column among those of [`BentSums::along`]; the taken ones come first.
+fn column(at: usize) -> usize {
+    match at {
+        0..TAKEN if at < 2 * FLAT => at / FLAT * POWERS.len() + at % FLAT,
+        0..TAKEN => 2 * POWERS.len() + at - 2 * FLAT,
+        _ => (at - TAKEN) / BENT * POWERS.len() + FLAT + (at - TAKEN) % BENT,
+    }
+}
+
+/// The sum of products of two columns.
+fn product_of(moments: &BentMoments, a: usize, b: usize) -> f64 {
+    let (a, b) = (a.min(b), a.max(b));
+    let grey = 2 * POWERS.len();
+    match (a, b) {
+        (a, b) if b < grey => {
+            let [[ka, la], [kb, lb]] = [a, b].map(|k| POWERS[k % POWERS.len()]);
+            moments.gradient[a / POWERS.len() + b / POWERS.len()][product(ka + kb, la + lb)]
+        }
+        (a, b) if a < grey => moments.grey[2 * (b - grey) + a / POWERS.len()][a % POWERS.len()],
+        (a, b) => moments.of_grey[a + b - 2 * grey],
+    }
+}
+
+/// Row by row, the lower triangle of the Cholesky factor of the products of an element's columns; zero on the diagonal
+/// for one that is not told from those before it.
+type Factor = [f32; COLUMNS * (COLUMNS + 1) / 2];
+
+fn entry(i: usize, j: usize) -> usize {
+    i * (i + 1) / 2 + j
+}
+
+fn factor(moments: &BentMoments) -> Factor {
+    let mut l = [0.0f64; COLUMNS * (COLUMNS + 1) / 2];
+    for i in 0..COLUMNS {
+        for j in 0..=i {
+            let own = product_of(moments, column(i), column(j));
+            let left = own - (0..j).map(|k| l[entry(i, k)] * l[entry(j, k)]).sum::<f64>();
+            l[entry(i, j)] = match (i == j, l[entry(j, j)]) {
+                (true, _) if left > LEAST_OWN * own => left.sqrt(),
+                (false, diagonal) if diagonal > 0.0 => left / diagonal,
+                _ => 0.0,
+            };
+        }
+    }
+    l.map(|v| v as f32)
+}
+
+/// What the residual of an element says of displacements that bend within it.
+#[derive(Debug, Clone, Copy)]
+struct Look {
+    /// Along the columns that bend, at right angles to each other, in units of the rest of the residual.
+    along: [f64; MODES],
+    /// The displacement of each mode by itself, px.
+    size: [f64; MODES],
+    /// Columns that bend, and degrees of freedom of the rest.
+    freedom: [f64; 2],
+    /// Square of the displacement, px^2, of a unit of `along`.
+    unit: f64,
+}
+
+/// What is usual in a zone.
+struct OfZone {
+    /// Mean square along the columns that bend where nothing is followed by them, beside the rest, and the spread of its
+    /// deviate: 1 for white noise of one size, more where it goes with the texture.
+    level: f64,
+    spread: f64,
+    /// Correlation between neighbours of the modes that are displacements all over it; 0 of the others.
+    coherence: [f64; MODES],
+}
+
+/// What a frame's residual follows beyond its field.
+pub(crate) struct Bent {
+    /// Displacement that each element does not follow, root mean square, px; zero where none shows.
+    pub not_followed: Vec<f64>,
+    /// What that does to each node, px.
+    pub nodes: Vec<[f64; 2]>,
+}
+
+pub(crate) struct BendTest {
+    factors: Vec<Factor>,
+    /// Pixels of each element, and mean square of a component of its gradient.
+    texture: Vec<[f64; 2]>,
+}
+
+impl BendTest {
+    pub fn new(moments: &[BentMoments]) -> Self {
+        let texture = |moments: &BentMoments| {
+            let n = moments.of_grey[2];
+            [n, 0.5 * (moments.gradient[0][0] + moments.gradient[2][0]) / n.max(1.0)]
+        };
+        Self {
+            factors: moments.par_iter().with_min_len(64).map(factor).collect(),
+            texture: moments.iter().map(texture).collect(),
+        }
+    }
+
+    fn look(&self, element: usize, sums: &BentSums) -> Option<Look> {
+        let (l, [n_all, gradient]) = (&self.factors[element], self.texture[element]);
+        // Of what has left the image the columns are others.
+        if sums.n < n_all - 0.5 || sums.n == 0.0 {
+            return None;
+        }
+        let (mut y, mut n_columns, mut n_bent) = ([0.0; COLUMNS], 0, 0);
+        for i in 0..COLUMNS {
+            let diagonal = f64::from(l[entry(i, i)]);
+            if diagonal > 0.0 {
+                let before: f64 = (0..i).map(|k| f64::from(l[entry(i, k)]) * y[k]).sum();
+                y[i] = (sums.along[column(i)] - before) / diagonal;
+                (n_columns, n_bent) = (n_columns + 1, n_bent + usize::from(i >= TAKEN));
+            }
+        }
+        let rest = sums.n - n_columns as f64;
+        if n_bent == 0 || rest < COLUMNS as f64 {
+            return None;
+        }
+        let noise = (sums.rr - y.iter().map(|y| y * y).sum::<f64>()) / rest;
+        let along = std::array::from_fn(|k| y[TAKEN + k] / noise.sqrt());
+        let coefficients = self.coefficients(element, &std::array::from_fn(|k| y[TAKEN + k]));
+        let size = std::array::from_fn(|k| coefficients[TAKEN + k]);
+        let look = Look { along, size, freedom: [n_bent as f64, rest], unit: noise / (sums.n * gradient) };
+        (noise > 0.0 && look.unit.is_finite() && look.f().is_finite()).then_some(look)
+    }
+
+    /// What the residual of a frame, whose normal equations `solver` solves, follows beyond its field.
+    pub fn test(&self, mesh: &Mesh<Px>, sums: &[BentSums], solver: &Solver) -> Bent {
+        if sums.is_empty() {
+            return Bent { not_followed: vec![0.0; mesh.n_elements()], nodes: vec![[0.0; 2]; mesh.n_nodes()] };
+        }
+        let looks: Vec<Option<Look>> =
+            sums.par_iter().enumerate().with_min_len(64).map(|(at, sums)| self.look(at, sums)).collect();
+        let zones: Vec<OfZone> = (0..mesh.zones().len()).map(|zone| OfZone::new(mesh, zone, &looks)).collect();
+        let mut not_followed = vec![0.0; mesh.n_elements()];
+        let mut by_residual = vec![[0.0; 2]; mesh.n_nodes()];
+        for (element, look) in looks.iter().enumerate() {
+            let Some(look) = look else { continue };
+            let zone = &zones[mesh.element_zone()[element] as usize];
+            let share = zone.shares(look);
+            let square: f64 = look.along.iter().zip(share).map(|(along, share)| share * along * along).sum();
+            if square == 0.0 {
+                continue;
+            }
+            not_followed[element] = (square * look.unit).sqrt();
+            for (&node, own) in
+                mesh.elements()[element].iter().zip(self.at_corners(element, sums[element].n, look, share))
+            {
+                (0..2).for_each(|c| by_residual[node as usize][c] += own[c]);
+            }
+        }
+        let any = not_followed.iter().any(|px| *px > 0.0);
+        solver.matrix().held().iter().for_each(|&node| by_residual[node as usize] = [0.0; 2]);
+        let nodes = if any { solver.solve(by_residual) } else { by_residual };
+        Bent { not_followed, nodes }
+    }
+
+    /// Coefficients of the columns that bend, from those at right angles to each other.
+    fn coefficients(&self, element: usize, along: &[f64; MODES]) -> [f64; COLUMNS] {
+        let l = &self.factors[element];
+        let at = |i: usize, j: usize| f64::from(l[entry(i, j)]);
+        let mut v = [0.0; COLUMNS];
+        for i in (TAKEN..COLUMNS).rev() {
+            if at(i, i) > 0.0 {
+                let after: f64 = (i + 1..COLUMNS).map(|k| at(k, i) * v[k]).sum();
+                v[i] = (along[i - TAKEN] - after) / at(i, i);
+            }
+        }
+        v
+    }
+
+    /// `sum psi grad f (grad f . w)` at the corners of an element of `n` pixels, `w` the displacement that bends, by the
+    /// `share` of each mode, less what is bilinear between its values at the corners: `M e` of the error e of the nodes.
+    fn at_corners(&self, element: usize, n: f64, look: &Look, share: [f64; MODES]) -> [[f64; 2]; 4] {
+        let l = &self.factors[element];
+        let at = |i: usize, j: usize| f64::from(l[entry(i, j)]);
+        let noise = (look.unit * n * self.texture[element][1]).sqrt();
+        let along = std::array::from_fn(|k| share[k] * look.along[k] * noise);
+        let mut v = self.coefficients(element, &along);
+        for c in 0..2 {
+            for (k, [a, b]) in POWERS[FLAT..].iter().enumerate() {
+                // z^2 is 1 at all corners, z^3 is z, z^2 w is w.
+                v[c * FLAT + a % 2 + 2 * (b % 2)] -= v[TAKEN + c * BENT + k];
+            }
+        }
+        let turned: [f64; COLUMNS] = std::array::from_fn(|j| (j..COLUMNS).map(|i| at(i, j) * v[i]).sum());
+        let product = |i: usize| (0..=i).map(|j| at(i, j) * turned[j]).sum::<f64>();
+        let by_power: [[f64; FLAT]; 2] = [0, 1].map(|c| std::array::from_fn(|k| product(c * FLAT + k)));
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(|[z, w]| by_power.map(|[one, by_z, by_w, by_zw]| 0.25 * (one + z * by_z + w * by_w + z * w * by_zw)))
+    }
+}
+
+/// Whether each element is to be named: its displacement is off by more than a few `sigma` of its nodes, by what bends
+/// within it and by what its nodes are off.
+pub(crate) fn is_named(mesh: &Mesh<Px>, error: &ModelError, sigma: &[[f64; 2]]) -> Vec<bool> {
+    let mean_square = |of: &[[f64; 2]], nodes: &[u32; 4]| {
+        nodes.iter().map(|&node| of[node as usize].iter().map(|v| v * v).sum::<f64>()).sum::<f64>() / 8.0
+    };
+    let of_element = |(nodes, misfit): (&[u32; 4], &f64)| {
+        let square = misfit * misfit + mean_square(&error.nodes, nodes);
+        *misfit > 0.0 && square > NAMED_SIGMAS.powi(2) * mean_square(sigma, nodes)
+    };
+    mesh.elements().iter().zip(&error.misfit).map(of_element).collect()
+}
+
+impl Look {
+    /// Mean square along the columns that bend, over that of the rest.
+    fn f(&self) -> f64 {
+        self.along.iter().map(|v| v * v).sum::<f64>() / self.freedom[0]
+    }
+}
+
+impl OfZone {
+    fn new(mesh: &Mesh<Px>, zone: usize, looks: &[Option<Look>]) -> Self {
+        let seen: Vec<&Look> = mesh.zone_elements(zone).filter_map(|element| looks[element].as_ref()).collect();
+        let coherence = coherence(mesh, zone, looks);
+        let mut of = Self { level: 1.0, spread: 1.0, coherence };
+        if seen.len() < ENOUGH {
+            return of;
+        }
+        // By the modes that are no displacement.
+        let n_noise = coherence.iter().filter(|coherence| **coherence == 0.0).count().max(1) as f64;
+        let noise = |look: &&Look| {
+            let terms = look.along.iter().zip(&coherence).filter(|(_, coherence)| **coherence == 0.0);
+            terms.map(|(along, _)| along * along).sum::<f64>() / n_noise
+        };
+        let mut f: Vec<f64> = seen.iter().map(noise).collect();
+        f.sort_by(f64::total_cmp);
+        let quantile = |share: f64| f[(share * (f.len() - 1) as f64) as usize];
+        let rest = seen.iter().map(|look| look.freedom[1]).sum::<f64>() / seen.len() as f64;
+        // The median of a variable F is where its deviate is nothing.
+        let median = ((1.0 - 2.0 / (9.0 * n_noise)) / (1.0 - 2.0 / (9.0 * rest))).powi(3);
+        of.level = quantile(0.5) / median;
+        of.spread = (-deviate(quantile(0.25) / of.level, n_noise, rest) / 0.674).max(1.0);
+        of
+    }
+
+    /// How much of each mode of an element is a displacement.
+    fn shares(&self, look: &Look) -> [f64; MODES] {
+        let f = look.f() / self.level;
+        let is_shown = deviate(f, look.freedom[0], look.freedom[1]) > SHOWN * self.spread;
+        if is_shown { [1.0 - 1.0 / f; MODES] } else { self.coherence }
+    }
+}
+
+/// Correlation of the modes between neighbouring elements of a zone, along one axis of the mesh or the other; 0 where it
+/// is below [`COHERENT`].
+fn coherence(mesh: &Mesh<Px>, zone: usize, looks: &[Option<Look>]) -> [f64; MODES] {
+    let elements = mesh.zone_elements(zone);
+    let mut beside = HashMap::new();
+    let mut pairs: [Vec<[usize; 2]>; 2] = Default::default();
+    for element in elements.clone().filter(|&element| looks[element].is_some()) {
+        let nodes = mesh.elements()[element];
+        for side in 0..4 {
+            let [a, b] = [nodes[side], nodes[(side + 1) % 4]];
+            match beside.remove(&[b, a]) {
+                // Elements that are turned against each other have other modes.
+                Some((other, other_side)) if (side + 2) % 4 == other_side => pairs[side % 2].push([other, element]),
+                _ => drop(beside.insert([a, b], (element, side))),
+            }
+        }
+    }
+    let size_of = |element: usize, mode: usize| looks[element].as_ref().map_or(0.0, |look| look.size[mode]);
+    let of_mode = |mode: usize| {
+        let mut sizes: Vec<f64> =
+            elements.clone().filter(|&e| looks[e].is_some()).map(|e| size_of(e, mode).abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let most = CUT * sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+        let along = |pairs: &Vec<[usize; 2]>| {
+            let (mut product, mut squares) = (0.0, 0.0);
+            for pair in pairs {
+                let [a, b] = pair.map(|element| size_of(element, mode).clamp(-most, most));
+                (product, squares) = (product + a * b, squares + 0.5 * (a * a + b * b));
+            }
+            if pairs.len() < PAIRS || squares == 0.0 { 0.0 } else { (product / squares).abs() }
+        };
+        pairs.iter().map(along).fold(0.0, f64::max)
+    };
+    std::array::from_fn(|mode| Some(of_mode(mode)).filter(|of| *of > COHERENT).unwrap_or(0.0))
+}
+
+/// The standard normal deviate of a variable F of `a` and `b` degrees of freedom (Paulson 1942).
+fn deviate(f: f64, a: f64, b: f64) -> f64 {
+    let ([a, b], root) = ([a, b].map(|n| 2.0 / (9.0 * n)), f.cbrt());
+    ((1.0 - b) * root - (1.0 - a)) / (b * root * root + a).sqrt()
+}
