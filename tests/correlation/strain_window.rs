@@ -37,7 +37,7 @@ pub fn windows(mesh: &Mesh<Px>, nodes: u32) -> StrainWindows {
 }
 
 /// The node nearest to a place.
-fn node_at(mesh: &Mesh<Px>, at: [f64; 2]) -> usize {
+pub fn node_at(mesh: &Mesh<Px>, at: [f64; 2]) -> usize {
     let distance = |k: &usize| (mesh.nodes()[*k][0] - at[0]).hypot(mesh.nodes()[*k][1] - at[1]);
     (0..mesh.n_nodes()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap()
 }

@@ -17,13 +17,16 @@ const TERMS: [([i32; 2], [f64; 2]); 10] = [
     ([1, 2], [2.0, 0.0]),
     ([0, 3], [0.0, 6.0]),
 ];
-/// A term counts when this part of its square is left beside the terms before it: the points determine it.
-const LEAST_LEFT: f64 = 0.01;
+/// A term counts when this part of its square is left beside the terms before it: three points along an axis determine
+/// x^2, five x^3.
+const LEAST_LEFT: f64 = 0.09;
 /// Share of windows that flatten from which on it is said, per cent.
 const SAID_PERCENT: f64 = 5.0;
-/// A window flattens where its model error is above so many standard uncertainties, and the difference of the slopes
-/// above so many of its own.
+/// A window flattens where its model error is above so many standard uncertainties,
 const BEYOND: f64 = 3.0;
+/// and its square above so many standard deviations of what noise makes of it. Neighbours share noise: it is more than
+/// these are of independent ones.
+const SURE: f64 = 10.0;
 
 /// The windows of a frame whose strain is flattened by far more than noise.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -39,7 +42,7 @@ pub struct Flattened {
     pub model_error: f64,
     /// Standard uncertainty of the same component.
     pub sigma: f64,
-    /// The largest window whose model error there would be about its standard uncertainty; none where no smaller is.
+    /// The largest window with which few would be left, as far as can be told; none where no smaller one does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub would_do: Option<StrainWindow>,
 }
@@ -68,7 +71,9 @@ impl Flattened {
             would_do: window.smaller().find(|&smaller| {
                 // What a plane flattens rises with N^2 - 1, its noise falls about as N^-2.
                 let [old, new] = [window, smaller].map(|window| (window.nodes() as f64).powi(2));
-                slope.model_error() * (new - 1.0) / (old - 1.0) <= slope.sigma * old / new
+                let gain = (new - 1.0) / (old - 1.0) * new / old;
+                let left = flat.iter().filter(|(_, slope)| slope.model_error() * gain > BEYOND * slope.sigma);
+                100.0 * left.count() as f64 <= SAID_PERCENT * found.len() as f64
             }),
         })
     }
@@ -78,8 +83,8 @@ impl fmt::Display for Flattened {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { percent, at: [x, y], model_error, sigma, would_do, .. } = self;
         let advice = match would_do {
-            Some(window) => format!("a window of {window} would do there"),
-            None => "no window would do there: take smaller elements".to_owned(),
+            Some(window) => format!("a window of {window} would do"),
+            None => "no smaller window would do: take smaller elements".to_owned(),
         };
         write!(
             f,
@@ -94,20 +99,29 @@ impl fmt::Display for Flattened {
 pub(super) struct Slope {
     /// Standard uncertainty.
     pub sigma: f64,
-    /// By the plane less by the cubic.
+    /// Mean square, over windows, of the strain of the plane less that of the cubic.
     pub off: f64,
-    /// Standard uncertainty of that.
-    pub off_sigma: f64,
+    /// What noise makes of it.
+    pub noise: f64,
+    /// How many windows.
+    pub n: f64,
 }
 
 impl Slope {
+    /// The same over several windows, of which it is the first.
+    pub fn over(self, all: impl Iterator<Item = Self>) -> Self {
+        let sums = all.fold([0.0; 3], |[off, noise, n], at| [off + at.off, noise + at.noise, n + at.n]);
+        let [off, noise, n] = sums;
+        if n > 0.0 { Self { off: off / n, noise: noise / n, n, ..self } } else { self }
+    }
+
     /// What the strain is off beyond noise.
     pub fn model_error(self) -> f64 {
-        (self.off * self.off - self.off_sigma * self.off_sigma).max(0.0).sqrt()
+        (self.off - self.noise).max(0.0).sqrt()
     }
 
     fn is_flattened(self) -> bool {
-        self.off.abs() > BEYOND * self.off_sigma && self.model_error() > BEYOND * self.sigma
+        self.model_error() > BEYOND * self.sigma && self.off - self.noise > SURE * (2.0 / self.n).sqrt() * self.noise
     }
 }
 

@@ -20,8 +20,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Elements around a window that decide about its noise: beyond, correlations change it by less than 1e-4.
 const MARGIN: usize = 4;
-/// Rings that a cubic may take in beyond a window whose nodes do not determine it: two columns at a border become four.
-const GROWTH: usize = 2;
+/// Rings that a cubic may take in beyond a window whose nodes do not determine it: 3 x 3 become 5 x 5.
+const GROWTH: usize = 1;
 /// What coefficients of bilinear elements overshoot: this times the second derivatives, in the size of the elements.
 const OVERSHOOT: f64 = 1.0 / 12.0;
 /// Places are rounded to this part of an element before noise is computed: windows of one shape have the same bits.
@@ -323,13 +323,23 @@ impl StrainWindows {
         }
         let places = &kept.places;
         let found: Vec<_> = places.iter().map(|place| self.strain(field, definition, places, place)).collect();
-        let known = field.mesh.nodes().iter().zip(&found);
-        let slopes: Vec<_> = known.filter_map(|(&at, found)| found.map(|(_, slopes)| (at, slopes))).collect();
-        let model = found.iter().map(|at| at.map_or([0.0; 3], |(_, slopes)| slopes.map(Slope::model_error)));
+        // Of one window the noise of the cubic hides all that is not large: the mean is taken over those around whose
+        // nodes lie to all sides as here.
+        let around = |node: usize| {
+            let (_, slopes) = found[node]?;
+            let place = &places[node];
+            let near = place.nodes.iter().take(place.window).map(|&other| other as usize);
+            let alike = near.filter(|&other| places[other].window == place.window);
+            let alike: Vec<[Slope; 3]> = alike.filter_map(|other| Some(found[other]?.1)).collect();
+            Some([0, 1, 2].map(|c| slopes[c].over(alike.iter().map(|slopes| slopes[c]))))
+        };
+        let slopes: Vec<Option<[Slope; 3]>> = (0..found.len()).map(around).collect();
+        let known = field.mesh.nodes().iter().zip(&slopes).filter_map(|(&at, slopes)| Some((at, (*slopes)?)));
+        let model = slopes.iter().map(|slopes| slopes.map_or([0.0; 3], |slopes| slopes.map(Slope::model_error)));
         WindowStrains {
             window: self.window,
             model_error: Some(model.collect()),
-            flattened: Flattened::of(self.window, &slopes),
+            flattened: Flattened::of(self.window, &known.collect::<Vec<_>>()),
             nodes: found.iter().map(|at| at.map(|(strain, slopes)| (strain, slopes.map(|s| s.sigma)))).collect(),
         }
     }
@@ -374,8 +384,9 @@ impl StrainWindows {
         let noise = &place.shape.noise;
         let slope_of = |slope: [[f64; 2]; 2]| Slope {
             sigma: sigma_of(&slope, noise.slopes, &bounds[0]),
-            off: (0..4).map(|i| slope[i / 2][i % 2] * off[i / 2][i % 2]).sum(),
-            off_sigma: sigma_of(&slope, noise.off, &bounds[1]),
+            off: (0..4).map(|i| slope[i / 2][i % 2] * off[i / 2][i % 2]).sum::<f64>().powi(2),
+            noise: sigma_of(&slope, noise.off, &bounds[1]).powi(2),
+            n: 1.0,
         };
         Some((strain, slopes.map(slope_of)))
     }
