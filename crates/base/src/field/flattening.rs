@@ -94,12 +94,12 @@ impl fmt::Display for Flattened {
     }
 }
 
-/// A component of the strain over a window.
+/// A component of the strain over a window, and what it and others are off.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Slope {
     /// Standard uncertainty.
     pub sigma: f64,
-    /// Mean square, over windows, of the strain of the plane less that of the cubic.
+    /// Square of the strain of the plane less that of the cubic, summed over windows.
     pub off: f64,
     /// What noise makes of it.
     pub noise: f64,
@@ -108,16 +108,14 @@ pub(super) struct Slope {
 }
 
 impl Slope {
-    /// The same over several windows, of which it is the first.
-    pub fn over(self, all: impl Iterator<Item = Self>) -> Self {
-        let sums = all.fold([0.0; 3], |[off, noise, n], at| [off + at.off, noise + at.noise, n + at.n]);
-        let [off, noise, n] = sums;
-        if n > 0.0 { Self { off: off / n, noise: noise / n, n, ..self } } else { self }
+    /// The same over another window more.
+    pub fn and(self, other: Self) -> Self {
+        Self { off: self.off + other.off, noise: self.noise + other.noise, n: self.n + other.n, ..self }
     }
 
     /// What the strain is off beyond noise.
     pub fn model_error(self) -> f64 {
-        (self.off - self.noise).max(0.0).sqrt()
+        ((self.off - self.noise) / self.n).max(0.0).sqrt()
     }
 
     fn is_flattened(self) -> bool {

@@ -323,15 +323,15 @@ impl StrainWindows {
         }
         let places = &kept.places;
         let found: Vec<_> = places.iter().map(|place| self.strain(field, definition, places, place)).collect();
-        // Of one window the noise of the cubic hides all that is not large: the mean is taken over those around whose
-        // nodes lie to all sides as here.
+        // The noise of one cubic hides what is not large: the mean is over the windows around with as many nodes, which lie
+        // to the same sides. The first is its own.
         let around = |node: usize| {
-            let (_, slopes) = found[node]?;
-            let place = &places[node];
-            let near = place.nodes.iter().take(place.window).map(|&other| other as usize);
-            let alike = near.filter(|&other| places[other].window == place.window);
-            let alike: Vec<[Slope; 3]> = alike.filter_map(|other| Some(found[other]?.1)).collect();
-            Some([0, 1, 2].map(|c| slopes[c].over(alike.iter().map(|slopes| slopes[c]))))
+            found[node].as_ref()?;
+            let Place { nodes, window, .. } = &places[node];
+            let near = nodes.iter().take(*window).map(|&other| other as usize);
+            let alike = near.filter(|&other| places[other].window == *window);
+            let slopes = alike.filter_map(|other| Some(found[other]?.1));
+            slopes.reduce(|sums, of| [0, 1, 2].map(|c| sums[c].and(of[c])))
         };
         let slopes: Vec<Option<[Slope; 3]>> = (0..found.len()).map(around).collect();
         let known = field.mesh.nodes().iter().zip(&slopes).filter_map(|(&at, slopes)| Some((at, (*slopes)?)));
