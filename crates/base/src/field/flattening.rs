@@ -88,8 +88,8 @@ impl fmt::Display for Flattened {
         };
         write!(
             f,
-            "{percent:.0} % of the windows flatten the strain by more than {BEYOND} standard uncertainties, most at ({x:.0}, \
-             {y:.0}) px, by about {model_error:.1e} with a standard uncertainty of {sigma:.1e}; {advice}"
+            "{percent:.0} % of the windows flatten the strain by more than {BEYOND} standard uncertainties, most at \
+             ({x:.0}, {y:.0}) px, by about {model_error:.1e} with a standard uncertainty of {sigma:.1e}; {advice}"
         )
     }
 }
