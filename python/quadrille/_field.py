@@ -76,6 +76,8 @@ class Field:
     window_strain: NDArray[np.float64] | None = None
     #: Their standard uncertainty, (n, 3).
     window_strain_sigma: NDArray[np.float64] | None = None
+    #: What they may be off at the node beyond noise, (n, 3): the window flattens. To be added to the sigma in squares.
+    window_strain_model_error: NDArray[np.float64] | None = None
 
     def __repr__(self) -> str:
         n, m = len(self.positions), len(self.elements)

@@ -39,6 +39,9 @@ pub fn field<'py>(py: Python<'py>, found: Correlation, strains: &StrainField) ->
         let (strain, sigma): (Vec<_>, Vec<_>) = both.unzip();
         dict.set_item("window_strain", table(py, strain)?)?;
         dict.set_item("window_strain_sigma", table(py, sigma)?)?;
+        if let Some(errors) = window.model_errors() {
+            dict.set_item("window_strain_model_error", table(py, components(&errors))?)?;
+        }
     }
     if let Some(points) = &of.points {
         dict.set_item("displacement_point", table(py, known(&points.displacement))?)?;

@@ -3,7 +3,7 @@
 use super::{Name, frame_remarks, number};
 use crate::backend::Traffic;
 use crate::correlate::{Ambiguity, Correlation, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault};
-use crate::field::{Marked, Measurement, Misfit, RigidMotion, Status};
+use crate::field::{Flattened, Marked, Measurement, Misfit, RigidMotion, Status};
 use crate::imaging::{Blank, Saturation};
 use crate::remark::{About, Remark};
 use crate::units::Px;
@@ -161,6 +161,9 @@ pub struct FrameSummary {
     /// What the displacements may be off beyond noise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model_error: Option<ModelErrorSummary>,
+    /// The windows of nodes that flatten the strain by far more than noise; absent where none does or none was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flattened: Option<Flattened>,
     /// Share of the pixels in the zones that are black or white without any difference left; none for floats.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub saturated_percent: Option<f64>,
@@ -355,6 +358,7 @@ impl FrameSummary {
             misfit: None,
             marked: Vec::new(),
             model_error: None,
+            flattened: None,
             saturated_percent: None,
             blank: None,
             noise_correlation_factor: None,
@@ -418,6 +422,7 @@ impl FrameSummary {
             misfit: field.and_then(Measurement::misfit),
             marked: result.measurement.marked(),
             model_error: field.and_then(ModelErrorSummary::of),
+            flattened: None,
             saturated_percent: None,
             blank: None,
             noise_correlation_factor: (result.noise_factor != [1.0; 2]).then_some(result.noise_factor),

@@ -1,6 +1,9 @@
 //! What quadrille writes for other programs reads back as it was.
 
-use quadrille::field::{Measurement, ModelError, PointField, Status, StrainDefinition, StrainField, TensorStrain};
+use quadrille::field::{
+    Measurement, ModelError, PointField, Status, StrainDefinition, StrainField, StrainWindow, StrainWindows,
+    TensorStrain, WindowStrains,
+};
 use quadrille::io::csv::{CsvError, read_displacements, write_displacements};
 use quadrille::io::vtk::{VtkError, write_pvd, write_vtu};
 use quadrille::mesh::{Mesh, Roi, Zone};
@@ -121,6 +124,37 @@ fn a_table_and_a_grid_carry_the_model_error_where_it_is_known() {
     let mut out = Vec::new();
     write_vtu(&mut out, "", &two_zones(), None, 255.0).unwrap();
     assert!(!String::from_utf8(out).unwrap().contains("model_error_px"));
+}
+
+#[test]
+fn a_table_and_a_grid_carry_what_windows_flatten_beside_their_sigma_where_it_is_known() {
+    let mut field = two_zones();
+    field.measured.fill(true);
+    let windows = StrainWindows::new(&field.mesh, StrainWindow::new(3).unwrap(), false);
+    let mut known = windows.of(&field, StrainDefinition::GreenLagrange);
+    let errors: Vec<[f64; 3]> = (0..known.nodes.len()).map(|k| [1e-4 * k as f64, 2e-4, 3e-4]).collect();
+    known.model_error = Some(errors.clone());
+    let unknown = WindowStrains { model_error: None, ..known.clone() };
+    let written = |window: &WindowStrains| {
+        let strains = StrainField { window: Some(window.clone()), ..StrainField::of(&field, StrainDefinition::Hencky) };
+        let (mut table, mut grid) = (Vec::new(), Vec::new());
+        write_displacements(&mut table, &[], &field, Some(&strains), None).unwrap();
+        write_vtu(&mut grid, "", &field, Some(&strains), 255.0).unwrap();
+        [table, grid].map(|bytes| String::from_utf8(bytes).unwrap())
+    };
+    let [table, grid] = written(&known);
+    assert!(table.contains(",sigma_exy_window,model_error_exx_window,model_error_eyy_window,model_error_exy_window"));
+    assert!(grid.contains("model_error_strain_window"));
+    for row in read_displacements(table.as_bytes()).unwrap() {
+        let want = known.nodes[row.node].map(|_| errors[row.node].map(|v| v as f32));
+        assert_eq!(row.window_model_error.map(|error| error.map(|v| v as f32)), want);
+    }
+    let [table, grid] = written(&unknown);
+    assert!(!table.contains("model_error_exx") && !grid.contains("model_error_strain_window"));
+    let rows = read_displacements(table.as_bytes()).unwrap();
+    assert!(
+        rows.iter().all(|row| row.window_model_error.is_none()) && rows.iter().any(|row| row.window_strain.is_some())
+    );
 }
 
 #[test]

@@ -303,6 +303,8 @@ fn strains_over_a_window_stand_beside_the_others_at_points() {
         assert!((found - want).abs() < 1e-6 * want.abs().max(1e-4), "{column}: {found}, {want}");
     }
     assert!(number(&rows[0], "sigma_exx_window") < number(&rows[0], "sigma_exx"));
+    let model = nodes.iter().find(|row| row.px.position == [48.0, 48.0]).unwrap().window_model_error.unwrap();
+    assert!((number(&rows[0], "model_error_eyy_window") - model[1]).abs() < 1e-6 * model[1].max(1e-4));
     assert!(desk.read("out/quantities/points.csv").contains("virtual strain gauge"));
     assert!(desk.read("out/quantities/lines.csv").contains("exx_window"));
     desk.run("probe out --point 48,48 --strain-window 1").fine();

@@ -522,7 +522,7 @@ fn a_chunk_that_is_cut_changed_or_missing_is_refused_by_name_and_the_other_frame
         let assert_damaged = |what: &str| {
             let error = match variable {
                 Variable::StrainElement | Variable::StrainNode => store.strain(1).unwrap_err(),
-                Variable::StrainWindow | Variable::SigmaStrainWindow => store.values(1, variable).unwrap_err(),
+                _ if variable.is_of_window() => store.values(1, variable).unwrap_err(),
                 _ => store.frame(1).unwrap_err(),
             };
             let named =

@@ -29,6 +29,7 @@ mod regularisation;
 mod shaders;
 mod splines;
 mod strain;
+mod strain_flattening;
 mod strain_gauges;
 mod strain_window;
 mod stretch;

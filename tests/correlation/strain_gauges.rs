@@ -5,7 +5,7 @@
 
 use crate::common;
 use crate::program;
-use common::dense::Dense;
+use common::dense::{Dense, fitted};
 use common::*;
 use program::Desk;
 use quadrille::correlate::Options as CorrelateOptions;
@@ -32,27 +32,6 @@ fn template(size: usize) -> Measurement<Px> {
     let options = CorrelateOptions { element_size: size, ..CorrelateOptions::default() };
     let reference = picture(&REST, &float(SIDE, SIDE));
     solved(&prepared(&reference, &inside(SIDE, SIDE, 16), options), &reference)
-}
-
-/// The least-squares fit of linear elements between `nodes` to `u`: what a correlation makes of a displacement on even
-/// texture.
-fn fitted(nodes: &[f64], u: impl Fn(f64) -> f64) -> Vec<f64> {
-    const STEPS: usize = 400; // the midpoint rule is good to 1e-6 of the amplitude
-    let n = nodes.len();
-    let (mut mass, mut load) = (Dense::zero(n), vec![0.0; n]);
-    for k in 0..n - 1 {
-        let length = nodes[k + 1] - nodes[k];
-        for (i, j, m) in [(k, k, 2.0), (k, k + 1, 1.0), (k + 1, k, 1.0), (k + 1, k + 1, 2.0)] {
-            *mass.at(i, j) += m * length / 6.0;
-        }
-        for step in 0..STEPS {
-            let t = (step as f64 + 0.5) / STEPS as f64;
-            let part = u(nodes[k] + t * length) * length / STEPS as f64;
-            load[k] += (1.0 - t) * part;
-            load[k + 1] += t * part;
-        }
-    }
-    mass.solve(&[load]).remove(0)
 }
 
 #[test]

@@ -9,16 +9,16 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
 
-const SIZE: f64 = 16.0;
+pub const SIZE: f64 = 16.0;
 
 /// A grid of `nx` x `ny` elements of 16 px.
-fn grid(nx: usize, ny: usize) -> Arc<Mesh<Px>> {
+pub fn grid(nx: usize, ny: usize) -> Arc<Mesh<Px>> {
     let [x1, y1] = [nx, ny].map(|n| SIZE * n as f64);
     let zone = Zone::rectangle("all", Roi { x0: 0.0, y0: 0.0, x1, y1 });
     Arc::new(Mesh::on_zones(&[zone], 16, x1 as usize + 1, y1 as usize + 1).unwrap())
 }
 
-fn field(mesh: &Arc<Mesh<Px>>, u: impl Fn([f64; 2]) -> [f64; 2]) -> Measurement<Px> {
+pub fn field(mesh: &Arc<Mesh<Px>>, u: impl Fn([f64; 2]) -> [f64; 2]) -> Measurement<Px> {
     Measurement {
         status: Status::Converged,
         displacement: mesh.nodes().iter().map(|&x| u(x)).collect(),
@@ -32,12 +32,12 @@ fn field(mesh: &Arc<Mesh<Px>>, u: impl Fn([f64; 2]) -> [f64; 2]) -> Measurement<
     }
 }
 
-fn windows(mesh: &Mesh<Px>, nodes: u32) -> StrainWindows {
+pub fn windows(mesh: &Mesh<Px>, nodes: u32) -> StrainWindows {
     StrainWindows::new(mesh, StrainWindow::new(nodes).unwrap(), false)
 }
 
 /// The node nearest to a place.
-fn node_at(mesh: &Mesh<Px>, at: [f64; 2]) -> usize {
+pub fn node_at(mesh: &Mesh<Px>, at: [f64; 2]) -> usize {
     let distance = |k: &usize| (mesh.nodes()[*k][0] - at[0]).hypot(mesh.nodes()[*k][1] - at[1]);
     (0..mesh.n_nodes()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap()
 }
@@ -111,46 +111,66 @@ fn mass(field: &Measurement<Px>) -> (Dense, Vec<usize>) {
     (dense, kept)
 }
 
+/// Draws of nodal noise with the inverse of the mass matrix as covariance: a Cholesky factor times white noise.
+pub struct Draws {
+    kept: Vec<usize>,
+    factor: Vec<Vec<f64>>,
+    amplitude: [f64; 2],
+    rng: ChaCha8Rng,
+}
+
+impl Draws {
+    /// Of `field`, whose standard uncertainties become those of such noise.
+    pub fn of(field: &mut Measurement<Px>, amplitude: [f64; 2], seed: u64) -> Self {
+        let (dense, kept) = mass(field);
+        let n = kept.len();
+        let unit = |k: usize| (0..n).map(|i| f64::from(i == k)).collect::<Vec<f64>>();
+        let inverse = dense.solve(&(0..n).map(unit).collect::<Vec<_>>());
+        for (k, &node) in kept.iter().enumerate() {
+            field.sigma[node] = amplitude.map(|a| a * inverse[k][k].sqrt());
+        }
+        let mut factor = vec![vec![0.0; n]; n];
+        for i in 0..n {
+            for j in 0..=i {
+                let known: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
+                let left = inverse[i][j] - known;
+                factor[i][j] = if i == j { left.sqrt() } else { left / factor[j][j] };
+            }
+        }
+        Self { kept, factor, amplitude, rng: ChaCha8Rng::seed_from_u64(seed) }
+    }
+
+    fn normal(&mut self) -> f64 {
+        let [a, b]: [f64; 2] = [self.rng.random(), self.rng.random()];
+        (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+    }
+
+    /// Adds a draw to the displacements.
+    pub fn add_to(&mut self, field: &mut Measurement<Px>) {
+        for c in 0..2 {
+            let white: Vec<f64> = (0..self.kept.len()).map(|_| self.normal()).collect();
+            for (&node, row) in self.kept.iter().zip(&self.factor) {
+                let value: f64 = row.iter().zip(&white).map(|(l, w)| l * w).sum();
+                field.displacement[node][c] += self.amplitude[c] * value;
+            }
+        }
+    }
+}
+
 #[test]
 fn the_noise_of_a_window_is_that_of_draws_with_the_covariance_of_the_nodes() {
     const DRAWS: usize = 4000;
     let mesh = grid(8, 6);
     let mut still = field(&mesh, |_| [0.0; 2]);
     still.measured[node_at(&mesh, [80.0, 48.0])] = false;
-    let (dense, kept) = mass(&still);
-    let unit = |k: usize| (0..kept.len()).map(|i| f64::from(i == k)).collect::<Vec<f64>>();
-    let inverse = dense.solve(&(0..kept.len()).map(unit).collect::<Vec<_>>());
-    let amplitude = [0.05, 0.1];
-    for (k, &node) in kept.iter().enumerate() {
-        still.sigma[node] = amplitude.map(|a| a * inverse[k][k].sqrt());
-    }
+    let mut noise = Draws::of(&mut still, [0.05, 0.1], 5);
     let windows = windows(&mesh, 5);
     let predicted = windows.of(&still, StrainDefinition::Infinitesimal);
-    // Draws: a Cholesky factor of the inverse times white noise.
-    let n = kept.len();
-    let mut factor = vec![vec![0.0; n]; n];
-    for i in 0..n {
-        for j in 0..=i {
-            let known: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
-            let left = inverse[i][j] - known;
-            factor[i][j] = if i == j { left.sqrt() } else { left / factor[j][j] };
-        }
-    }
-    let mut rng = ChaCha8Rng::seed_from_u64(5);
-    let mut normal = || {
-        let [a, b]: [f64; 2] = [rng.random(), rng.random()];
-        (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
-    };
     let mut squares = vec![[0.0; 3]; mesh.n_nodes()];
     let mut drawn = still.clone();
     for _ in 0..DRAWS {
-        for c in 0..2 {
-            let white: Vec<f64> = (0..n).map(|_| normal()).collect();
-            for (i, &node) in kept.iter().enumerate() {
-                let value: f64 = factor[i][..=i].iter().zip(&white).map(|(l, w)| l * w).sum();
-                drawn.displacement[node][c] = amplitude[c] * value;
-            }
-        }
+        drawn.displacement.fill([0.0; 2]);
+        noise.add_to(&mut drawn);
         for (sum, at) in squares.iter_mut().zip(windows.of(&drawn, StrainDefinition::Infinitesimal).nodes) {
             if let Some((strain, _)) = at {
                 sum.iter_mut().zip(strain.components()).for_each(|(sum, e)| *sum += e * e);

@@ -9,6 +9,8 @@ use thiserror::Error;
 const STRAIN_COLUMNS: [&str; 3] = ["exx", "eyy", "exy"];
 pub(crate) const WINDOW_COLUMNS: [&str; 6] =
     ["exx_window", "eyy_window", "exy_window", "sigma_exx_window", "sigma_eyy_window", "sigma_exy_window"];
+pub(crate) const WINDOW_MODEL_COLUMNS: [&str; 3] =
+    ["model_error_exx_window", "model_error_eyy_window", "model_error_exy_window"];
 pub(crate) const PX_COLUMNS: [&str; 6] = ["x_px", "y_px", "ux_px", "uy_px", "sigma_ux_px", "sigma_uy_px"];
 const MODEL_COLUMNS: [&str; 2] = ["model_error_ux_px", "model_error_uy_px"];
 const POINT_COLUMNS: [&str; 5] =
@@ -90,6 +92,8 @@ pub struct DisplacementRow {
     pub strain: Option<TensorStrain>,
     /// The strain over a window of nodes, with the uncertainty of exx, eyy, exy, if the table has it and it is known.
     pub window_strain: Option<(TensorStrain, [f64; 3])>,
+    /// What exx, eyy and exy over the window may be off beyond noise, if the table has it and it is known.
+    pub window_model_error: Option<[f64; 3]>,
     /// What each component of the displacement may be off beyond noise, px, when the table has it.
     pub model_error_px: Option<[f64; 2]>,
     /// The displacement as a value at the point, when the table has it.
@@ -104,8 +108,8 @@ pub struct DisplacementRow {
 ///
 /// The columns are `node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px`, with a `strain` also
 /// `exx,eyy,exy` (without dimension; empty where it is not known), with a window of nodes these again over the window
-/// with their standard uncertainty (`exx_window` to `sigma_exy_window`), and with a `pixel_size` the six in px again
-/// in mm; where they are known, `model_error_ux_px,model_error_uy_px` stand behind, then
+/// with their standard uncertainty (`exx_window` to `sigma_exy_window`) and, where it is known, their model error
+/// (`model_error_exx_window` to `model_error_exy_window`), and with a `pixel_size` the six in px again in mm; where they are known, `model_error_ux_px,model_error_uy_px` stand behind, then
 /// `ux_point_px,uy_point_px,sigma_ux_point_px,sigma_uy_point_px,is_point_value`, the displacement as a value at the
 /// point ([`PointField`](crate::field::PointField)), and `mark` last, the name of what is the
 /// matter with an element of the node ([`ElementMark`]). Numbers are the shortest that read back to the same bits: of
@@ -174,10 +178,12 @@ pub fn write_displacements<W: Write>(
     let strain_columns = if strain.is_some() { &STRAIN_COLUMNS[..] } else { &[] };
     let window = strain.and_then(|strain| strain.window.as_ref());
     let window_columns = if window.is_some() { &WINDOW_COLUMNS[..] } else { &[] };
+    let window_model = window.and_then(|window| Some((window, window.model_error.as_ref()?)));
+    let window_model_columns = if window_model.is_some() { &WINDOW_MODEL_COLUMNS[..] } else { &[] };
     let mm_columns = if pixel_size.is_some() { &MM_COLUMNS[..] } else { &[] };
     let model_columns = if measurement.model_error.is_some() { &MODEL_COLUMNS[..] } else { &[] };
-    let columns =
-        ["node", "zone"].iter().chain(&PX_COLUMNS).chain(strain_columns).chain(window_columns).chain(mm_columns);
+    let of_strains = strain_columns.iter().chain(window_columns).chain(window_model_columns);
+    let columns = ["node", "zone"].iter().chain(&PX_COLUMNS).chain(of_strains).chain(mm_columns);
     let point_columns = if points.is_some() { &POINT_COLUMNS[..] } else { &[] };
     let mark_column = marks.as_ref().map(|_| &MARK_COLUMN);
     table.write_record(columns.chain(model_columns).chain(point_columns).chain(mark_column))?;
@@ -203,6 +209,10 @@ pub fn write_displacements<W: Write>(
             Some((strain, sigma)) => (strain.components().map(|e| Some(e as f32)), sigma.map(|e| Some(e as f32))),
             None => ([None; 3], [None; 3]),
         });
+        let window_model = window_model.map(|(strains, errors)| match strains.nodes[node] {
+            Some(_) => errors[node].map(|e| Some(e as f32)),
+            None => [None; 3],
+        });
         // `serialize`, not `write_record`: it formats numbers without allocating, some ten times faster.
         let model = measurement.model_error.as_ref().map(|model| model.nodes[node].map(|v| v as f32));
         let point = points.map(|points| {
@@ -211,9 +221,10 @@ pub fn write_displacements<W: Write>(
         });
         // A slice of none is no column.
         let mark = marks.as_ref().map(|marks| marks[node].name());
-        let (strain, window, mm) = (strain.as_slice(), window.as_slice(), mm.as_slice());
+        let strains = (strain.as_slice(), window.as_slice(), window_model.as_slice());
+        let mm = mm.as_slice();
         let (model, point) = (model.as_slice(), point.as_slice());
-        table.serialize((node, zone, px, strain, window, mm, model, point, mark.as_slice()))?;
+        table.serialize((node, zone, px, strains, mm, model, point, mark.as_slice()))?;
     }
     table.flush()
 }
@@ -241,7 +252,7 @@ pub fn read_displacements<R: Read>(input: R) -> Result<Vec<DisplacementRow>, Csv
     let model = find_group(&MODEL_COLUMNS)?;
     let point = find_group(&POINT_COLUMNS)?;
     let mark = header.iter().position(|column| column == MARK_COLUMN);
-    let window = find_group(&WINDOW_COLUMNS)?;
+    let (window, window_model) = (find_group(&WINDOW_COLUMNS)?, find_group(&WINDOW_MODEL_COLUMNS)?);
     let with_sigma = |[xx, yy, xy, a, b, c]: [f64; 6]| (TensorStrain { xx, yy, xy }, [a, b, c]);
     let mut rows = Vec::new();
     for record in table.records() {
@@ -257,6 +268,7 @@ pub fn read_displacements<R: Read>(input: R) -> Result<Vec<DisplacementRow>, Csv
                 .flatten()
                 .map(TensorStrain::of_components),
             window_strain: window.as_ref().map(|of| known(of, &record)).transpose()?.flatten().map(with_sigma),
+            window_model_error: window_model.as_ref().map(|of| known(of, &record)).transpose()?.flatten(),
             model_error_px: model.as_ref().map(|columns| values(columns, &record)).transpose()?,
             point_px: point.as_ref().map(|columns| point_of(columns, &record)).transpose()?,
             mark: mark.and_then(|at| ElementMark::from_name(record.get(at)?)),

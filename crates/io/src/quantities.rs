@@ -5,7 +5,7 @@
     reason = "writes the tables of a run: its points, lines and cracks are counted by the case, and what was drawn of a frame has as many"
 )]
 
-use super::csv::{PX_COLUMNS, WINDOW_COLUMNS};
+use super::csv::{PX_COLUMNS, WINDOW_COLUMNS, WINDOW_MODEL_COLUMNS};
 use super::load::LoadTable;
 use crate::field::{
     CrackLine, CrackTip, Curve, ElementMark, Elongation, FrameQuantities, Jump, Measurement, NodalNoise, OPEN_BY_SIGMA,
@@ -136,8 +136,8 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         mut open: impl FnMut(&str) -> io::Result<W>,
     ) -> io::Result<Self> {
         let q = quantities;
-        let window: &[&str] = if q.window.is_some() { &WINDOW_COLUMNS } else { &[] };
-        let point = [&PX_COLUMNS[..], &STRAIN, window].concat();
+        let window = if q.window.is_some() { [&WINDOW_COLUMNS[..], &WINDOW_MODEL_COLUMNS].concat() } else { vec![] };
+        let point = [&PX_COLUMNS[..], &STRAIN, &window].concat();
         let opening = [&["along_px", "x_px", "y_px", "gap_px", "normal_x", "normal_y"][..], &JUMP].concat();
         let crack = [&["along_px", "x_px", "y_px", "normal_x", "normal_y"][..], &JUMP].concat();
         let has_tip = q.cracks.iter().any(|(_, crack)| crack.joined().next().is_some());
@@ -476,6 +476,8 @@ fn point_cells(at: [f64; 2], values: Option<PointValues>, windowed: bool) -> Vec
     cells.extend(of_strain(values.and_then(|v| v.strain)));
     if windowed {
         cells.extend(of_strain(values.and_then(|v| v.window)));
+        let model = values.and_then(|v| v.window_model_error);
+        cells.extend((0..3).map(|k| model.map(|error| error[k])));
     }
     cells
 }

@@ -40,8 +40,8 @@ pub enum VtkError {
 /// `sigma_point_px` and `is_point_value`, the displacement as a value at the point ([`crate::field::PointField`])
 /// beside the coefficient `displacement_px`; and `mark` of both, what is the matter with an element
 /// ([`ElementMark::code`]). With a `strain`, `strain_node` and `strain_element`: three components exx, eyy, exy without
-/// dimension, NaN where they are not known; with one over a window of nodes `strain_window` and `sigma_strain_window`
-/// of the nodes. Field data: `converged`, 1 or 0, `status_code` ([`Status::code`]), and `dynamic_range_grey`. A comment
+/// dimension, NaN where they are not known; with one over a window of nodes `strain_window`, `sigma_strain_window` and,
+/// where it is known, `model_error_strain_window` of the nodes. Field data: `converged`, 1 or 0, `status_code` ([`Status::code`]), and `dynamic_range_grey`. A comment
 /// at the head holds `title`, status, units and zone names.
 ///
 /// # Errors
@@ -211,7 +211,8 @@ fn window<W: Write>(xml: &mut Writer<W>, found: &WindowStrains) -> io::Result<()
     let strain: Vec<_> = found.nodes.iter().map(|at| at.map(|(strain, _)| strain)).collect();
     let sigma: Vec<_> = found.nodes.iter().map(|at| at.map(|(_, sigma)| TensorStrain::of_components(sigma))).collect();
     strains(xml, "strain_window", &strain)?;
-    strains(xml, "sigma_strain_window", &sigma)
+    strains(xml, "sigma_strain_window", &sigma)?;
+    found.model_errors().map_or(Ok(()), |errors| strains(xml, "model_error_strain_window", &errors))
 }
 
 fn strains<W: Write>(xml: &mut Writer<W>, name: &str, values: &[Option<TensorStrain>]) -> io::Result<()> {

@@ -83,7 +83,8 @@ impl<'a> Output<'a> {
     }
 
     /// Writes a frame: field, tables, record, and its status last, which says that it is done.
-    fn write(&self, ToWrite { summary, sha256, result, kept }: ToWrite, computing: &mut Computing<'_>) -> Result<()> {
+    fn write(&self, to_write: ToWrite, computing: &mut Computing<'_>) -> Result<()> {
+        let ToWrite { mut summary, sha256, result, kept } = to_write;
         let Self { plan, folder, store, about, .. } = self;
         let (number, status) = (summary.number, summary.status);
         let file = frame_in_words(&summary.file, summary.reference_frame);
@@ -99,6 +100,7 @@ impl<'a> Output<'a> {
                 (strain, encoded)
             });
             store.write_encoded(encoded?)?;
+            summary.flattened = strain.window.as_ref().and_then(|window| window.flattened);
             let rms = |of: fn(&ZoneResult) -> f64| {
                 (zones.iter().map(|zone| of(zone).powi(2)).sum::<f64>() / zones.len().max(1) as f64).sqrt()
             };

@@ -248,8 +248,10 @@ fn sources(store: &Store, has_model: bool) -> Vec<(Layer, Source)> {
         ("eyy", strain[1], Variable::StrainNode, 1, None, Palette::BlueRed),
         ("exy", strain[2], Variable::StrainNode, 2, None, Palette::BlueRed),
     ];
-    let of_window = || strain.into_iter().zip([("wxx", "swxx"), ("wyy", "swyy"), ("wxy", "swxy")]).enumerate();
-    for (k, (name, (strain, sigma))) in of_window() {
+    let of_window = || {
+        strain.into_iter().zip([["wxx", "swxx", "ewxx"], ["wyy", "swyy", "ewyy"], ["wxy", "swxy", "ewxy"]]).enumerate()
+    };
+    for (k, (name, [strain, sigma, _])) in of_window() {
         rows.push((strain, name, Variable::StrainWindow, k, Some(sigma), Palette::BlueRed));
     }
     rows.extend([
@@ -260,8 +262,9 @@ fn sources(store: &Store, has_model: bool) -> Vec<(Layer, Source)> {
         ("ex", "model error of u_x", Variable::ModelError, 0, None, Palette::Viridis),
         ("ey", "model error of u_y", Variable::ModelError, 1, None, Palette::Viridis),
     ]);
-    for (k, (name, (_, sigma))) in of_window() {
+    for (k, (name, [_, sigma, model])) in of_window() {
         rows.push((sigma, name, Variable::SigmaStrainWindow, k, None, Palette::Viridis));
+        rows.push((model, name, Variable::ModelErrorStrainWindow, k, None, Palette::Viridis));
     }
     rows.push(("mark", "what is the matter", Variable::Mark, 0, None, Palette::Plasma));
     rows.retain(|row| store.has(row.2));
@@ -271,6 +274,7 @@ fn sources(store: &Store, has_model: bool) -> Vec<(Layer, Source)> {
             Variable::StrainNode => format!("strain {name} at nodes"),
             Variable::StrainWindow => format!("strain {name} over {window} x {window} nodes"),
             Variable::SigmaStrainWindow => format!("standard uncertainty of strain {name}"),
+            Variable::ModelErrorStrainWindow => format!("model error of strain {name}"),
             _ => name.to_owned(),
         };
         let on = match variable.place() {

@@ -5,7 +5,7 @@
     expect(clippy::indexing_slicing, reason = "places in lists that are made here, of the frames of one summary")
 )]
 
-use crate::field::Status;
+use crate::field::{Flattened, Status};
 use crate::io::series::natural_order;
 use crate::remark::{About, Code, Remark};
 use crate::report::summary::{FrameSummary, Summary};
@@ -39,6 +39,7 @@ pub(crate) fn about_series(
     said.extend(taken_out_of_order(&summary.frames));
     said.extend(in_noise(summary));
     said.extend(in_unsettled_light(&summary.frames));
+    said.extend(flattened(&summary.frames));
     let motion = Motion::of(summary);
     said.extend(motion.order(summary));
     said.extend(motion.reference(summary));
@@ -185,6 +186,28 @@ fn in_unsettled_light(frames: &[FrameSummary]) -> Option<Remark> {
         name_frames(&numbers)
     );
     (!numbers.is_empty()).then(|| Remark::new(Code::LightUnsettled, About::Frames(numbers), text))
+}
+
+/// Frames in which many windows of nodes flatten the strain, with the worst of them.
+fn flattened(frames: &[FrameSummary]) -> Option<Remark> {
+    let much = |frame: &FrameSummary| Some((frame.number, frame.flattened.filter(Flattened::is_much)?));
+    let found: Vec<(usize, Flattened)> = frames.iter().filter_map(much).collect();
+    let (number, worst) = found.iter().max_by(|(_, a), (_, b)| a.model_error.total_cmp(&b.model_error))?;
+    let numbers: Vec<usize> = found.iter().map(|(number, _)| *number).collect();
+    let text =
+        format!("{}: strains over windows are flattened, most in frame {number}: {worst}", name_frames(&numbers));
+    let Flattened { percent, at: [x, y], model_error, sigma, would_do, .. } = *worst;
+    let remark = Remark::new(Code::StrainFlattened, About::Frames(numbers), text)
+        .with("frame", *number)
+        .with("windows_percent", percent)
+        .with("x_px", x)
+        .with("y_px", y)
+        .with("model_error", model_error)
+        .with("sigma", sigma);
+    Some(match would_do {
+        Some(window) => remark.with("would_do_nodes", window.nodes()),
+        None => remark,
+    })
 }
 
 /// The rigid motions of the frames that have one, in the order of the series.
@@ -366,6 +389,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{About, Code, Motion, find_dropped, in_unsettled_light, taken_out_of_order};
+    use crate::field::{Flattened, StrainWindow};
     use crate::report::summary::{FrameSummary, LightSummary, ZoneSummary};
 
     #[test]
@@ -448,6 +472,31 @@ mod tests {
         let said = in_unsettled_light(&frames).unwrap();
         assert_eq!((said.code, said.about), (Code::LightUnsettled, About::Frames(vec![2, 4])));
         assert_eq!(in_unsettled_light(&frames[2..3]), None);
+    }
+
+    #[test]
+    fn frames_whose_strains_are_flattened_are_named_with_the_worst_place_and_the_window_that_would_do() {
+        let of = |percent: f64, model_error: f64| Flattened {
+            windows: 3,
+            percent,
+            at: [40.0, 56.0],
+            model_error,
+            sigma: 1e-5,
+            would_do: StrainWindow::new(3),
+        };
+        let frames: Vec<FrameSummary> = [None, Some(of(30.0, 1e-4)), Some(of(50.0, 2e-4)), Some(of(4.0, 3e-4))]
+            .into_iter()
+            .zip(1..)
+            .map(|(flattened, number)| FrameSummary {
+                flattened,
+                ..FrameSummary::unreadable(number, String::new(), String::new(), 0.0)
+            })
+            .collect();
+        let said = super::flattened(&frames).unwrap();
+        assert_eq!((said.code, &said.about), (Code::StrainFlattened, &About::Frames(vec![2, 3])));
+        let values = ["frame", "windows_percent", "x_px", "y_px", "would_do_nodes"].map(|name| said.number(name));
+        assert_eq!(values, [3.0, 50.0, 40.0, 56.0, 3.0].map(Some));
+        assert_eq!(super::flattened(&frames[3..]), None);
     }
 
     #[test]

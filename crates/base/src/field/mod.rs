@@ -1,5 +1,6 @@
 //! What a correlation gives: displacements with their uncertainty, strains, rigid motions; and its choices.
 
+mod flattening;
 mod mark;
 mod measurement;
 mod noise;
@@ -11,6 +12,7 @@ mod strain;
 mod strain_field;
 mod strain_window;
 
+pub use flattening::Flattened;
 pub use mark::{ElementMark, Marked};
 pub use measurement::{DOUBTFUL, Measurement, Misfit, ModelError, PointField, Status};
 pub use noise::{NOISE_CONTRADICTED, Noise, NoiseCorrelation};

@@ -2,9 +2,11 @@
 //!
 //! A plane is fitted by least squares to each component of the displacement of the nodes around a node; its slopes are
 //! the displacement gradient there. The noise of the slopes follows from that of the nodes and from how it goes
-//! together ([`NodalNoise`](super::NodalNoise) has the same model).
+//! together ([`NodalNoise`](super::NodalNoise) has the same model). What the plane flattens is seen from a cubic over the
+//! same nodes ([`flattening`](super::flattening), THEORY 20).
 
 use super::Measurement;
+use super::flattening::{Flattened, Slope, cubic};
 use super::quantities::noise::solve_spd;
 use super::strain::{StrainDefinition, TensorStrain};
 use crate::mesh::{ElementGeometry, Mesh, corners_of};
@@ -14,10 +16,14 @@ use std::collections::HashMap;
 use std::collections::hash_map::DefaultHasher;
 use std::fmt;
 use std::hash::{Hash, Hasher};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Elements around a window that decide about its noise: beyond, correlations change it by less than 1e-4.
 const MARGIN: usize = 4;
+/// Rings that a cubic may take in beyond a window whose nodes do not determine it: 3 x 3 become 5 x 5.
+const GROWTH: usize = 1;
+/// What coefficients of bilinear elements overshoot: this times the second derivatives, in the size of the elements.
+const OVERSHOOT: f64 = 1.0 / 12.0;
 /// Places are rounded to this part of an element before noise is computed: windows of one shape have the same bits.
 const GRAIN: f64 = 1.0 / 65536.0;
 /// A window counts when its nodes spread across at least this part (of the variance) of what they do along.
@@ -55,6 +61,11 @@ impl StrainWindow {
         self.nodes() / 2
     }
 
+    /// Those below, the largest first.
+    pub(super) fn smaller(self) -> impl Iterator<Item = Self> {
+        (3..self.0).rev().filter_map(Self::new)
+    }
+
     /// Length of the virtual strain gauge, `(N - 1) L_step + L_subset`: N elements of this size, step and subset.
     pub fn gauge_length(self, element_size: f64) -> f64 {
         (self.nodes() - 1) as f64 * element_size + element_size
@@ -82,8 +93,8 @@ impl StrainWindow {
         let places: Vec<[f64; 2]> = nodes.iter().map(|at| [(at % side) as f64, (at / side) as f64]).collect();
         let cells = (0..side * side).filter(|at| at % side + 1 < side && at / side + 1 < side);
         let corners = |at: i64| [at, at + 1, at + 1 + side, at + side].map(|at| number[at as usize]);
-        let Noise { node, slopes: [xx, ..] } =
-            noise_of(&places, &cells.map(corners).collect::<Vec<_>>(), self.nodes() * self.nodes());
+        let Some(weights) = plane(&places[..self.nodes() * self.nodes()]) else { return f64::NAN };
+        let (node, [[xx, ..]]) = noise_of(&places, &cells.map(corners).collect::<Vec<_>>(), [&weights]);
         (xx / node).sqrt()
     }
 
@@ -126,6 +137,9 @@ impl StrainWindow {
             "noise of a strain of the window: sigma from that of its nodes and the correlation of their noise; fewer nodes and \
              more noise at borders and holes; no value where less than a quarter of the nodes is there"
                 .to_owned(),
+            "model error of a strain of the window: what the plane is off at the node beyond noise, by a cubic over the same \
+             nodes; to be added to sigma in squares"
+                .to_owned(),
         ]
     }
 }
@@ -159,6 +173,19 @@ pub struct WindowStrains {
     /// At each node the strain over the window around it, and the standard uncertainty of exx, eyy and exy; `None`
     /// where the node is not measured, too few of its window are, or they lie on one line.
     pub nodes: Vec<Option<(TensorStrain, [f64; 3])>>,
+    /// At each node what exx, eyy and exy may be off beyond noise, without sign (THEORY 20); zero where there is no
+    /// strain, and `None` where nothing estimated it, as in earlier stores.
+    pub model_error: Option<Vec<[f64; 3]>>,
+    /// The windows that flatten by far more than noise; `None` where none does, or nobody looked.
+    pub flattened: Option<Flattened>,
+}
+
+impl WindowStrains {
+    /// The model errors where there is a strain; `None` where nothing estimated them.
+    pub fn model_errors(&self) -> Option<Vec<Option<TensorStrain>>> {
+        let of_nodes = self.nodes.iter().zip(self.model_error.as_ref()?);
+        Some(of_nodes.map(|(at, error)| at.map(|_| TensorStrain::of_components(*error))).collect())
+    }
 }
 
 /// Makes strains over windows of nodes, of one mesh and of any number of fields on it.
@@ -184,16 +211,26 @@ pub struct StrainWindows {
 struct Kept {
     measured: Vec<bool>,
     places: Vec<Place>,
-    /// Noise of patches by their shape: most windows of a grid have one shape.
-    noise: HashMap<[u64; 2], Noise>,
+    /// Patches by their shape: most windows of a grid have one shape.
+    shapes: HashMap<[u64; 2], Arc<Shape>>,
 }
 
 /// The window of one node.
 #[derive(Debug, Clone, Default)]
 struct Place {
-    /// Its nodes; none where it does not count.
+    /// Its nodes, then those that only the cubic takes in; none where it does not count.
     nodes: Vec<u32>,
+    /// How many are its own.
+    window: usize,
+    shape: Arc<Shape>,
+}
+
+/// What holds for all patches of one shape.
+#[derive(Debug, Default)]
+struct Shape {
     noise: Noise,
+    /// Weights of the nodes in the slopes of the cubic; lengths in the size of the elements.
+    cubic: Vec<[f64; 2]>,
 }
 
 /// What a patch does to noise of unit density; lengths in the size of the elements.
@@ -203,6 +240,8 @@ struct Noise {
     node: f64,
     /// Covariance of the slopes along x and y of the fitted plane: xx, xy, yy.
     slopes: [f64; 3],
+    /// The same of the slopes of the cubic less those of the plane.
+    off: [f64; 3],
 }
 
 /// Weights of a plane fitted to points: of each, in the slopes along x and y.
@@ -230,12 +269,13 @@ impl Marks {
     }
 }
 
-/// Nodes and elements around a node, by rings; the first `window` nodes are those of its window.
+/// Nodes and elements around a node, by rings.
 #[derive(Default)]
 struct Patch {
     nodes: Vec<u32>,
     elements: Vec<u32>,
-    window: usize,
+    /// Number of nodes in the window, and in it with one and more rings around.
+    ends: Vec<usize>,
 }
 
 impl StrainWindows {
@@ -282,8 +322,26 @@ impl StrainWindows {
             self.prepare(&mut kept, field);
         }
         let places = &kept.places;
-        let strain = |place: &Place| self.strain(field, definition, places, place);
-        WindowStrains { window: self.window, nodes: places.iter().map(strain).collect() }
+        let found: Vec<_> = places.iter().map(|place| self.strain(field, definition, places, place)).collect();
+        // The noise of one cubic hides what is not large: the mean is over the windows around with as many nodes, which lie
+        // to the same sides. The first is its own.
+        let around = |node: usize| {
+            found[node].as_ref()?;
+            let Place { nodes, window, .. } = &places[node];
+            let near = nodes.iter().take(*window).map(|&other| other as usize);
+            let alike = near.filter(|&other| places[other].window == *window);
+            let slopes = alike.filter_map(|other| Some(found[other]?.1));
+            slopes.reduce(|sums, of| [0, 1, 2].map(|c| sums[c].and(of[c])))
+        };
+        let slopes: Vec<Option<[Slope; 3]>> = (0..found.len()).map(around).collect();
+        let known = field.mesh.nodes().iter().zip(&slopes).filter_map(|(&at, slopes)| Some((at, (*slopes)?)));
+        let model = slopes.iter().map(|slopes| slopes.map_or([0.0; 3], |slopes| slopes.map(Slope::model_error)));
+        WindowStrains {
+            window: self.window,
+            model_error: Some(model.collect()),
+            flattened: Flattened::of(self.window, &known.collect::<Vec<_>>()),
+            nodes: found.iter().map(|at| at.map(|(strain, slopes)| (strain, slopes.map(|s| s.sigma)))).collect(),
+        }
     }
 
     fn strain<U: Length>(
@@ -292,29 +350,28 @@ impl StrainWindows {
         definition: StrainDefinition,
         places: &[Place],
         place: &Place,
-    ) -> Option<(TensorStrain, [f64; 3])> {
+    ) -> Option<(TensorStrain, [Slope; 3])> {
         let points: Vec<[f64; 2]> = place.nodes.iter().map(|&node| field.mesh.nodes()[node as usize]).collect();
-        let weights = plane(&points)?;
+        let weights = plane(points.get(..place.window)?)?;
         let mut gradient = [[0.0; 2]; 2];
-        // Variance of unit noise, by component of the displacement; upper bounds of the slopes.
-        let (mut density, mut total, mut bound) = ([0.0; 2], 0.0, [[0.0; 2]; 2]);
+        // Variance of unit noise, by component of the displacement.
+        let (mut density, mut total) = ([0.0; 2], 0.0);
         for (&node, w) in place.nodes.iter().zip(&weights) {
             let node = node as usize;
             let (u, sigma) = (field.displacement[node], field.sigma[node]);
             let square = w[0] * w[0] + w[1] * w[1];
             total += square;
             for c in 0..2 {
-                density[c] += square * sigma[c] * sigma[c] / places[node].noise.node;
+                density[c] += square * sigma[c] * sigma[c] / places[node].shape.noise.node;
                 for k in 0..2 {
                     gradient[c][k] += w[k] * u[c];
-                    bound[c][k] += w[k].abs() * sigma[c];
                 }
             }
         }
         let strain = definition.of_gradient(gradient)?;
         let slopes = definition.slopes(gradient)?;
-        let [xx, xy, yy] = place.noise.slopes;
-        let sigma = slopes.map(|slope| match self.bound {
+        let (off, bounds) = self.off(field, place, &points, &weights, gradient);
+        let sigma_of = |slope: &[[f64; 2]; 2], [xx, xy, yy]: [f64; 3], bound: &[[f64; 2]; 2]| match self.bound {
             true => (0..4).map(|i| slope[i / 2][i % 2].abs() * bound[i / 2][i % 2]).sum(),
             false => {
                 let of = |c: usize| {
@@ -323,8 +380,46 @@ impl StrainWindows {
                 };
                 (of(0) + of(1)).max(0.0).sqrt() / self.size
             }
-        });
-        Some((strain, sigma))
+        };
+        let noise = &place.shape.noise;
+        let slope_of = |slope: [[f64; 2]; 2]| Slope {
+            sigma: sigma_of(&slope, noise.slopes, &bounds[0]),
+            off: (0..4).map(|i| slope[i / 2][i % 2] * off[i / 2][i % 2]).sum::<f64>().powi(2),
+            noise: sigma_of(&slope, noise.off, &bounds[1]).powi(2),
+            n: 1.0,
+        };
+        Some((strain, slopes.map(slope_of)))
+    }
+
+    /// The gradient of the plane less that of the cubic; and upper bounds of the standard uncertainties of the former
+    /// and of this difference.
+    fn off<U: Length>(
+        &self,
+        field: &Measurement<U>,
+        place: &Place,
+        points: &[[f64; 2]],
+        plane: &[[f64; 2]],
+        gradient: [[f64; 2]; 2],
+    ) -> ([[f64; 2]; 2], [[[f64; 2]; 2]; 2]) {
+        let (mut off, mut bounds) = ([[0.0; 2]; 2], [[[0.0; 2]; 2]; 2]);
+        let Some(&first) = place.nodes.first() else { return (off, bounds) };
+        let (start, origin) = (field.displacement[first as usize], points[0]);
+        for (at, &node) in place.nodes.iter().enumerate() {
+            let (u, sigma) = (field.displacement[node as usize], field.sigma[node as usize]);
+            let [x, y] = [0, 1].map(|k| points[at][k] - origin[k]);
+            let flat = plane.get(at).copied().unwrap_or_default();
+            let cubic = place.shape.cubic.get(at).copied().unwrap_or_default().map(|w| w / self.size);
+            for c in 0..2 {
+                // From the plane on: its own slope, which is the larger, does not go through the rounded cubic.
+                let beside = u[c] - start[c] - gradient[c][0] * x - gradient[c][1] * y;
+                for k in 0..2 {
+                    off[c][k] -= cubic[k] * beside;
+                    bounds[0][c][k] += flat[k].abs() * sigma[c];
+                    bounds[1][c][k] += (cubic[k] - flat[k]).abs() * sigma[c];
+                }
+            }
+        }
+        (off, bounds)
     }
 
     /// Finds the windows of the nodes around which other nodes are measured than before: of all at first.
@@ -332,7 +427,7 @@ impl StrainWindows {
         let (mesh, measured) = (&*field.mesh, &field.measured);
         let n = self.around.len();
         let mut marks = Marks::new(n, mesh.n_elements());
-        let reach = self.window.rings() + if self.bound { 0 } else { MARGIN };
+        let reach = self.window.rings() + if self.bound { GROWTH } else { MARGIN };
         let stale: Vec<usize> = match kept.measured.len() == n {
             false => (0..n).collect(),
             true => {
@@ -357,9 +452,10 @@ impl StrainWindows {
             if patch.elements.is_empty() {
                 continue;
             }
-            let noise = self.noise(mesh, &patch, &marks, &mut kept.noise);
-            let nodes = if patch.window >= least { patch.nodes[..patch.window].to_vec() } else { Vec::new() };
-            kept.places[node] = Place { nodes, noise };
+            let shape = self.shape(mesh, &patch, &marks, &mut kept.shapes);
+            let window = patch.ends[0];
+            let all = if window >= least { window.max(shape.cubic.len()) } else { 0 };
+            kept.places[node] = Place { nodes: patch.nodes[..all].to_vec(), window, shape };
         }
         kept.measured.clone_from(measured);
     }
@@ -375,7 +471,7 @@ impl StrainWindows {
     ) -> Patch {
         marks.turn += 1;
         let turn = marks.turn;
-        let mut patch = Patch { window: start.len(), nodes: start, ..Patch::default() };
+        let mut patch = Patch { nodes: start, ..Patch::default() };
         for (at, &node) in patch.nodes.iter().enumerate() {
             marks.nodes[node as usize] = (turn, at as u32);
         }
@@ -398,24 +494,21 @@ impl StrainWindows {
                 }
             }
             ring = ring.end..patch.nodes.len();
-            if done == rings[0] {
-                patch.window = patch.nodes.len();
+            if done >= rings[0] {
+                patch.ends.push(patch.nodes.len());
             }
         }
         patch
     }
 
-    /// What a patch does to noise: from its shape, rounded.
-    fn noise<U: Length>(
+    /// What holds for the shape of a patch, rounded.
+    fn shape<U: Length>(
         &self,
         mesh: &Mesh<U>,
         patch: &Patch,
         marks: &Marks,
-        known: &mut HashMap<[u64; 2], Noise>,
-    ) -> Noise {
-        if self.bound {
-            return Noise { node: 1.0, slopes: [0.0; 3] };
-        }
+        known: &mut HashMap<[u64; 2], Arc<Shape>>,
+    ) -> Arc<Shape> {
         let [x0, y0] = mesh.nodes()[patch.nodes[0] as usize];
         let grains = |v: f64| (v / self.size / GRAIN).round() as i64;
         let places: Vec<[i64; 2]> = patch
@@ -431,18 +524,35 @@ impl StrainWindows {
             .collect();
         let key = [0u8, 1].map(|salt| {
             let mut hasher = DefaultHasher::new();
-            (salt, patch.window, &places, &elements).hash(&mut hasher);
+            (salt, &patch.ends, &places, &elements).hash(&mut hasher);
             hasher.finish()
         });
-        *known.entry(key).or_insert_with(|| {
+        let make = || {
             let places: Vec<[f64; 2]> = places.iter().map(|p| p.map(|v| v as f64 * GRAIN)).collect();
-            noise_of(&places, &elements, patch.window)
-        })
+            // Of a regularised field or of splines nodes are no coefficients of a projection.
+            let cubic = cubic(&places, &patch.ends[..=GROWTH], if self.bound { 0.0 } else { OVERSHOOT });
+            let flat = plane(&places[..patch.ends[0]]).unwrap_or_default();
+            let off = cubic.iter().enumerate().map(|(at, w)| {
+                let flat = flat.get(at).copied().unwrap_or_default();
+                [w[0] - flat[0], w[1] - flat[1]]
+            });
+            let (node, [slopes, off]) = match self.bound {
+                true => (1.0, [[0.0; 3]; 2]),
+                false => noise_of(&places, &elements, [&flat, &off.collect::<Vec<_>>()]),
+            };
+            Arc::new(Shape { noise: Noise { node, slopes, off }, cubic })
+        };
+        known.entry(key).or_insert_with(make).clone()
     }
 }
 
-/// Noise of a patch's middle node and of the plane through its first `window` nodes, of inverse mass as covariance.
-fn noise_of(places: &[[f64; 2]], elements: &[[u32; 4]], window: usize) -> Noise {
+/// With inverse mass as covariance of a patch's nodes: the variance of the first, and the covariance (xx, xy, yy) of
+/// the sums over nodes with each of these weights.
+fn noise_of<const N: usize>(
+    places: &[[f64; 2]],
+    elements: &[[u32; 4]],
+    weights: [&[[f64; 2]]; N],
+) -> (f64, [[f64; 3]; N]) {
     let mut rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); places.len()];
     for nodes in elements {
         let nodes = nodes.map(|node| node as usize);
@@ -457,10 +567,10 @@ fn noise_of(places: &[[f64; 2]], elements: &[[u32; 4]], window: usize) -> Noise 
         }
     }
     let solved = |load: &dyn Fn(usize) -> f64| solve_spd(&rows, (0..places.len()).map(load).collect());
-    let node = solved(&|at| f64::from(at == 0))[0];
-    let Some(weights) = plane(&places[..window]) else { return Noise { node, slopes: [0.0; 3] } };
-    let weight = |at: usize, k: usize| weights.get(at).map_or(0.0, |w| w[k]);
-    let [x, y] = [0, 1].map(|k| solved(&|at| weight(at, k)));
-    let product = |k: usize, solved: &[f64]| weights.iter().zip(solved).map(|(w, s)| w[k] * s).sum::<f64>();
-    Noise { node, slopes: [product(0, &x), product(0, &y), product(1, &y)] }
+    let covariance = |weights: &[[f64; 2]]| {
+        let [x, y] = [0, 1].map(|k| solved(&|at| weights.get(at).map_or(0.0, |w| w[k])));
+        let product = |k: usize, solved: &[f64]| weights.iter().zip(solved).map(|(w, s)| w[k] * s).sum::<f64>();
+        [product(0, &x), product(0, &y), product(1, &y)]
+    };
+    (solved(&|at| f64::from(at == 0))[0], weights.map(covariance))
 }

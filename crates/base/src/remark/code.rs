@@ -223,6 +223,10 @@ codes! {
             "Nodes are not measured because of noise."
             "Their texture does not stand out of the noise that the residual shows."
             "Use larger elements, more light, or the mean of several reference images.";
+        StrainFlattened "strain-flattened" Warning
+            "Windows flatten the strain."
+            "In more than 5 % of the windows the model error of the strain is above three standard uncertainties."
+            "Use a smaller `--strain-window`, as the remark says, or smaller elements. Read strains with their model error.";
     }
     "Loads and quantities" {
         LoadConverted "load-converted" Note

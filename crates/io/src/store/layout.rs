@@ -45,6 +45,8 @@ pub enum Variable {
     StrainWindow,
     /// Its standard uncertainty.
     SigmaStrainWindow,
+    /// What it may be off beyond noise; not in stores of earlier versions.
+    ModelErrorStrainWindow,
     /// Residual of the elements.
     Residual,
     /// What the displacement of the nodes may be off beyond noise; not in stores of earlier versions.
@@ -90,7 +92,7 @@ type Row = (&'static str, &'static str, Place, &'static [&'static str], Number);
 
 impl Variable {
     /// All, in the order in which they are written.
-    pub const ALL: [Variable; 14] = [
+    pub const ALL: [Variable; 15] = [
         Variable::Displacement,
         Variable::Sigma,
         Variable::Measured,
@@ -98,6 +100,7 @@ impl Variable {
         Variable::StrainNode,
         Variable::StrainWindow,
         Variable::SigmaStrainWindow,
+        Variable::ModelErrorStrainWindow,
         Variable::Residual,
         Variable::ModelError,
         Variable::Misfit,
@@ -121,6 +124,7 @@ impl Variable {
             Variable::StrainNode => ("strain_node", "1", Nodes, STRAIN, F32),
             Variable::StrainWindow => ("strain_window", "1", Nodes, STRAIN, F32),
             Variable::SigmaStrainWindow => ("sigma_strain_window", "1", Nodes, STRAIN, F32),
+            Variable::ModelErrorStrainWindow => ("model_error_strain_window", "1", Nodes, STRAIN, F32),
             Variable::Residual => ("residual_grey", "grey levels", Elements, ONE, F32),
             Variable::ModelError => ("model_error_px", "px", Nodes, PAIR, F32),
             Variable::Misfit => ("misfit_px", "px", Elements, ONE, F32),
@@ -188,6 +192,10 @@ impl Variable {
             Variable::SigmaStrainWindow => {
                 "standard uncertainty of each component of strain_window; an upper bound where the run was regularised or of splines"
             }
+            Variable::ModelErrorStrainWindow => {
+                "estimate of what each component of strain_window may be off at the node beyond noise (the window flattens), \
+                 beside sigma_strain_window; NaN where strain_window is"
+            }
             Variable::Residual => "root mean square of the residual f - (1 + c) g - d over the element",
             Variable::ModelError => {
                 "estimate of what each component of displacement_px may be off beyond noise (mesh too coarse, misfit, \
@@ -217,7 +225,7 @@ impl Variable {
 
     /// Whether it is of strains over a window of nodes, which not every run asks for.
     pub fn is_of_window(self) -> bool {
-        matches!(self, Variable::StrainWindow | Variable::SigmaStrainWindow)
+        matches!(self, Variable::StrainWindow | Variable::SigmaStrainWindow | Variable::ModelErrorStrainWindow)
     }
 
     /// Whether it is of values at points.

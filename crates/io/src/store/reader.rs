@@ -333,7 +333,15 @@ impl Store {
                 let both = |(strain, sigma): (Option<TensorStrain>, Option<TensorStrain>)| {
                     strain.zip(sigma.map(TensorStrain::components))
                 };
-                Some(WindowStrains { window, nodes: strain.into_iter().zip(sigma).map(both).collect() })
+                let model_error = match self.has(Variable::ModelErrorStrainWindow) {
+                    true => {
+                        let errors = strains(Variable::ModelErrorStrainWindow)?.into_iter();
+                        Some(errors.map(|error| error.unwrap_or_default().components()).collect())
+                    }
+                    false => None,
+                };
+                let nodes = strain.into_iter().zip(sigma).map(both).collect();
+                Some(WindowStrains { window, nodes, model_error, flattened: None })
             }
             _ => None,
         };

@@ -419,6 +419,10 @@ impl StoreWriter {
                 let found = strain.window.as_ref().map(|window| window.nodes.iter().map(one).collect());
                 singles(strain_values(&found.unwrap_or_else(|| vec![None; n_nodes])))
             }
+            Variable::ModelErrorStrainWindow => {
+                let found = strain.window.as_ref().and_then(|window| window.model_errors());
+                singles(strain_values(&found.unwrap_or_else(|| vec![None; n_nodes])))
+            }
             Variable::Residual => singles(single(&measurement.element_residual)),
             Variable::ModelError => singles(single(known(model.map(|model| &model.nodes)).as_flattened())),
             Variable::Misfit => {

@@ -23,23 +23,28 @@ pub struct PointValues {
     /// The same over a window of nodes, interpolated between those of the element (its standard uncertainty as well:
     /// windows of neighbours share most of their noise); `None` where it is not known at one of them, or not asked for.
     pub window: Option<(TensorStrain, [f64; 3])>,
+    /// What exx, eyy and exy over the window may be off beyond noise, interpolated likewise (THEORY 20).
+    pub window_model_error: Option<[f64; 3]>,
 }
 
 impl PointValues {
     /// The same with the strain over a window of nodes, at the place `at` of the mesh.
     pub(super) fn with_window<U: Length>(self, mesh: &Mesh<U>, at: [f64; 2], strains: &WindowStrains) -> Self {
         let mean = || {
-            let (mut strain, mut sigma) = ([0.0; 3], [0.0; 3]);
+            let (mut strain, mut sigma, mut model) = ([0.0; 3], [0.0; 3], [0.0; 3]);
             for (node, weight) in shape_at(mesh, at)?.into_iter().filter(|(_, weight)| *weight != 0.0) {
                 let (of_node, noise) = strains.nodes[node]?;
+                let off = strains.model_error.as_ref().map_or([0.0; 3], |errors| errors[node]);
                 for (c, e) in of_node.components().into_iter().enumerate() {
                     strain[c] += weight * e;
                     sigma[c] += weight * noise[c];
+                    model[c] += weight * off[c];
                 }
             }
-            Some((TensorStrain::of_components(strain), sigma))
+            Some(((TensorStrain::of_components(strain), sigma), model))
         };
-        Self { window: mean(), ..self }
+        let (window, model) = mean().unzip();
+        Self { window, window_model_error: model.filter(|_| strains.model_error.is_some()), ..self }
     }
 }
 
@@ -79,7 +84,8 @@ pub fn at_point<U: Length>(
     });
     let (x, y) = (x?, y?);
     let strain = gradient_weights(mesh, noise, &weights).and_then(|by| strain_of(field, noise, definition, &by));
-    Some(PointValues { displacement: [x.value, y.value], sigma: [x.sigma, y.sigma], strain, window: None })
+    let (displacement, sigma) = ([x.value, y.value], [x.sigma, y.sigma]);
+    Some(PointValues { displacement, sigma, strain, window: None, window_model_error: None })
 }
 
 /// The nodes of the element that holds a point, with their weights there.
