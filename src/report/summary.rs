@@ -152,7 +152,7 @@ pub struct FrameSummary {
     /// The period of a texture that repeats: the displacement is known but for multiples of it. Absent without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ambiguity: Option<Ambiguity>,
-    /// The elements whose residual is beyond noise: the field is not followed there. Absent when there are none.
+    /// The elements that cannot follow the displacement. Absent when there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub misfit: Option<Misfit>,
     /// How many elements are marked, by what is the matter with them; absent where none is.
@@ -199,7 +199,7 @@ pub struct FrameSummary {
 /// What the residual of a frame says of its noise.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct NoiseColourSummary {
-    /// `white`, `correlated`, or `misfit`: the residual follows the texture as no noise does, and does not tell.
+    /// `white`, `correlated`, or `misfit`: the residual is a displacement that is not followed, and does not tell.
     pub verdict: String,
     /// Standard uncertainties, x and y, in those that white noise would give.
     pub factor: [f64; 2],
@@ -207,20 +207,17 @@ pub struct NoiseColourSummary {
     pub factor_sigma: f64,
     /// Correlation of neighbouring pixels of the residual along x and y, less that of white noise.
     pub neighbours: [f64; 2],
-    /// Mean square of the residual along displacements that elements cannot follow, beside that along other texture:
-    /// mean of several kinds of such displacements, and the largest.
-    pub misfit: [f64; 2],
 }
 
 impl From<NoiseColour> for NoiseColourSummary {
     fn from(colour: NoiseColour) -> Self {
         let verdict = match colour.to_apply() {
-            _ if colour.is_misfit() => "misfit",
+            _ if colour.is_misfit => "misfit",
             Some(_) => "correlated",
             None => "white",
         };
-        let NoiseColour { factor, factor_sigma, neighbours, misfit } = colour;
-        Self { verdict: verdict.into(), factor, factor_sigma, neighbours, misfit }
+        let NoiseColour { factor, factor_sigma, neighbours, .. } = colour;
+        Self { verdict: verdict.into(), factor, factor_sigma, neighbours }
     }
 }
 

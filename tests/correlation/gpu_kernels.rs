@@ -7,6 +7,7 @@ use crate::common;
 use common::gpu::{device, device_with};
 use common::round_off::{Evaluation, Moments, Near, Task, correlation};
 use common::*;
+use quadrille::backend::bend::{BentMoments, BentSums, COLUMNS, POWERS};
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::backend::gpu::GpuOptions;
 use quadrille::backend::{
@@ -100,6 +101,8 @@ struct Answer {
     rhs: Vec<[f64; 2]>,
     remaining: Vec<(usize, ElementMoments)>,
     found: Found,
+    /// On the finest level.
+    bent: Option<(Vec<BentMoments>, Vec<BentSums>)>,
 }
 
 fn asked<B: Backend>(backend: &B, case: &Case, laid: &Laid) -> Answer {
@@ -112,7 +115,12 @@ fn asked<B: Backend>(backend: &B, case: &Case, laid: &Laid) -> Answer {
         laid.transfer.iter().map(|&[gain, offset]| GreyTransfer { gain, offset }).collect();
     let mut field = backend.start(&level, &mut deformed, &laid.displacement, &transfer).unwrap();
     let zones = backend.observe(&level, &mut deformed, &mut field).unwrap();
+    let bent = (case.level == 0).then(|| {
+        let sums = backend.bent_sums(&level, &mut deformed, &field).unwrap();
+        (backend.bent_moments(&level, &reference).unwrap(), sums)
+    });
     Answer {
+        bent,
         moments,
         zones,
         rhs: backend.right_hand_side(&level, &mut deformed, &field).unwrap(),
@@ -271,6 +279,47 @@ fn check(device: &str, case: &Case, laid: &Laid, want: &Evaluation, found: &Answ
     );
 }
 
+/// Compares what both devices say of displacements that bend within elements: with each other, and the part of it that
+/// the right-hand side has as well with that.
+#[track_caller]
+fn check_bent(case: &Case, laid: &Laid, cpu: &Answer, gpu: &Answer) {
+    let (Some((moments, of_cpu)), Some((of_gpu_moments, of_gpu))) = (&cpu.bent, &gpu.bent) else { return };
+    let what = &case.what;
+    assert_eq!(moments, of_gpu_moments, "{what}");
+    let mut rhs = vec![[0.0; 2]; laid.displacement.len()];
+    let mut allowed = vec![0.0; rhs.len()];
+    for (e, ((moments, a), b)) in moments.iter().zip(of_cpu).zip(of_gpu).enumerate() {
+        let [ff, _, n] = moments.of_grey;
+        assert!((a.n - b.n).abs() <= 1e-5 * n && a.n <= n + 1e-3, "{what}, element {e}: {} and {} of {n} px", a.n, b.n);
+        for k in 0..COLUMNS {
+            let [fx, fy] = [0, 2].map(|p| moments.gradient[p][0]);
+            let square = [fx, fy, ff.max(n)][k / POWERS.len()];
+            // Sums of some hundred terms in f32; no sum of products is larger than the root of those of the squares.
+            let most = 3e-5 * (a.rr * square).sqrt();
+            let [a, b] = [a.along[k], b.along[k]];
+            assert!((a - b).abs() <= most, "{what}, element {e}, column {k}: {a} and {b}, {most} allowed");
+        }
+        let nodes = laid.mesh.mesh.elements()[e];
+        let corners = if nodes[2] == nodes[3] { 3 } else { 4 };
+        for (k, [z, w]) in [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].into_iter().enumerate().take(corners) {
+            // Shape functions of a triangle: the last two corners are one.
+            let along = |c: usize, z: f64, w: f64| {
+                let of = &b.along[c * POWERS.len()..];
+                0.25 * (of[0] + z * of[1] + w * of[2] + z * w * of[3])
+            };
+            for c in 0..2 {
+                let last = if corners == 3 && k == 2 { along(c, -1.0, 1.0) } else { 0.0 };
+                rhs[nodes[k] as usize][c] += along(c, z, w) + last;
+            }
+            allowed[nodes[k] as usize] += 1e-4 * (a.rr * (moments.gradient[0][0] + moments.gradient[2][0])).sqrt();
+        }
+    }
+    for (node, (found, want)) in rhs.iter().zip(&cpu.rhs).enumerate() {
+        let off = (0..2).map(|c| (found[c] - want[c]).abs()).fold(0.0, f64::max);
+        assert!(off <= allowed[node], "{what}, node {node}: {found:?} for {want:?}");
+    }
+}
+
 /// Asks both devices.
 #[track_caller]
 fn assert_sums<B: Backend>(gpu: &B, case: &Case) {
@@ -289,8 +338,10 @@ fn assert_sums<B: Backend>(gpu: &B, case: &Case) {
         displacement: &laid.displacement,
         transfer: &laid.transfer,
     });
-    check("CPU", case, &laid, &want, &asked(&CpuBackend::default(), case, &laid));
-    check("GPU", case, &laid, &want, &asked(gpu, case, &laid));
+    let (of_cpu, of_gpu) = (asked(&CpuBackend::default(), case, &laid), asked(gpu, case, &laid));
+    check("CPU", case, &laid, &want, &of_cpu);
+    check("GPU", case, &laid, &want, &of_gpu);
+    check_bent(case, &laid, &of_cpu, &of_gpu);
 }
 
 fn images(width: usize, height: usize, depth: Depth) -> [Arc<Image>; 2] {

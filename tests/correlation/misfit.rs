@@ -2,9 +2,10 @@
 //! the nodes. Against exact fields, with noise.
 
 use crate::common;
+use common::scenes::{self, SPOT_PX, Spots};
 use common::*;
 use quadrille::correlate::{Correlation, CorrelationError, Options, Regularisation};
-use quadrille::field::{Measurement, Status};
+use quadrille::field::{ElementMark, Measurement, Status};
 use quadrille::imaging::Image;
 use quadrille::synth::{Affine, Motion, Translation};
 use quadrille::units::Px;
@@ -167,17 +168,60 @@ fn a_band_narrower_than_an_element_is_named_with_its_place() {
 }
 
 #[test]
-fn focus_that_is_lost_is_misfit_everywhere() {
+fn focus_that_is_lost_is_no_displacement() {
     let reference = photographed(&REST, 1);
     let shift = Translation([0.3, 0.4]);
     let sharp = picture(&shift, &float(SIDE, SIDE));
     let blurred = noisy(&blur(&sharp, 1.5), NOISE, 2);
     let correlator = prepared(&reference, &inside(SIDE, SIDE, 16), Options::default());
     let found = cold(&correlator, &blurred);
-    let misfit = found.measurement.misfit().expect("a blur by 1.5 px is misfit");
-    println!("{misfit}");
-    assert!(misfit.percent > 80.0, "{misfit:?}");
+    let misfit = found.measurement.misfit().map_or(0.0, |misfit| misfit.percent);
+    assert!(misfit < 2.0, "{misfit} %");
     assert!(share_beyond(&found.measurement, &shift) <= 0.01);
+}
+
+/// Share of the elements that are marked as misfit, and root mean square of the model error over sigma, of two images by
+/// another renderer.
+fn marked(spots: &Spots, deformed: &Spots, material: impl Fn([f64; 2]) -> [f64; 2] + Sync, noise: f64) -> [f64; 2] {
+    let reference = scenes::photographed(SIDE, noise, 1, |x| spots.grey(x));
+    let image = scenes::photographed(SIDE, noise, 2, |y| deformed.grey(material(y)));
+    let found = solved(&prepared(&reference, &inside(SIDE, SIDE, 16), Options::default()), &image);
+    let marks = found.marks.as_ref().unwrap();
+    let share = marks.iter().filter(|mark| **mark == ElementMark::Misfit).count() as f64 / marks.len() as f64;
+    let ratios: Vec<[f64; 2]> =
+        found.sigma.iter().zip(model(&found)).map(|(s, m)| [m[0] / s[0], m[1] / s[1]]).collect();
+    [share, rms(&ratios)]
+}
+
+#[test]
+fn only_displacements_that_are_not_followed_are_marked() {
+    let affine = scenes::AffineMotion { shift: [0.5, 0.5], gradient: [[0.01, 0.004], [-0.003, -0.005]], centre: 144.0 };
+    let wave = |length: f64| {
+        move |y: [f64; 2]| {
+            // u = 0.5 sin(2 pi x / L) along x: the material by fixed points.
+            let u = |x: f64| 0.5 * (TAU * x / length).sin();
+            [(0..20).fold(y[0], |x, _| y[0] - u(x)), y[1]]
+        }
+    };
+    // Speckles of 2.4 px leave most to the interpolation, a blur as much as noise; both went for displacements once.
+    let [sharp, soft] = [0.9, SPOT_PX].map(|width| Spots::new(8, SIDE, width));
+    let of_affine = |y| affine.material(y);
+    for (what, found) in [
+        ("sharp", marked(&sharp, &sharp, of_affine, 1.0)),
+        ("soft", marked(&soft, &soft, of_affine, 1.0)),
+        ("blurred", marked(&soft, &soft.blurred(0.6), of_affine, 1.0)),
+        ("wave of 512 px", marked(&soft, &soft, wave(512.0), 1.0)),
+    ] {
+        println!("{what}: {found:.2?}");
+        // A fiftieth, and a model error below noise: of second differences alone it is a quarter.
+        assert!(found[0] <= 0.02 && found[1] < 0.8, "{what}: {found:?}");
+    }
+    for length in [64.0, 48.0] {
+        let [share, ratio] = marked(&soft, &soft, wave(length), 1.0);
+        println!("wave of {length} px: {share:.2}, {ratio:.2}");
+        // Four and three elements a wave: off by 0.07 and 0.11 px at the nodes where sigma is 0.015.
+        assert!(share > 0.95 && ratio > 3.0, "wave of {length} px: {share} marked, model error {ratio} sigma");
+    }
 }
 
 /// The image convolved with a Gaussian of standard deviation `s` px.

@@ -224,7 +224,7 @@ struct Outcome {
     /// Means of what was found.
     factor: [f64; 2],
     neighbours: [f64; 2],
-    misfit: [f64; 2],
+    misfit: u64,
     largest: f64,
 }
 
@@ -259,7 +259,7 @@ fn outcome(scene: &Scene, camera: Camera, seeds: u64, options: &Options) -> Outc
                 out.neighbours[c] += colour.neighbours[c] / seeds as f64;
                 out.largest = out.largest.max(colour.factor[c]);
             }
-            (0..2).for_each(|k| out.misfit[k] += colour.misfit[k] / seeds as f64);
+            out.misfit += u64::from(colour.is_misfit);
         }
     }
     out.z = (out.z / n).sqrt();
@@ -273,14 +273,12 @@ fn study(side: usize, speckle_px: f64, cameras: &[Camera], seeds: u64, options: 
         let Outcome { z, z_white, warned, factor, neighbours, misfit, largest } =
             outcome(&scene, camera, seeds, options);
         println!(
-            "| {:<38} | {z_white:5.2} | {z:5.2} | {:5.2} {:5.2} | {largest:5.2} | {warned:2}/{seeds} | {:5.2} {:5.2} | {:5.2} {:5.2} |",
+            "| {:<38} | {z_white:5.2} | {z:5.2} | {:5.2} {:5.2} | {largest:5.2} | {warned:2}/{seeds} | {:5.2} {:5.2} | {misfit:2}/{seeds} |",
             format!("{camera:?}"),
             factor[0],
             factor[1],
             neighbours[0],
-            neighbours[1],
-            misfit[0],
-            misfit[1]
+            neighbours[1]
         );
     }
 }

@@ -110,6 +110,7 @@ impl<W: Write> Table<W> {
     }
 }
 
+const MODEL: [&str; 2] = ["model_error_ux_px", "model_error_uy_px"];
 const STRAIN: [&str; 6] = ["exx", "eyy", "exy", "sigma_exx", "sigma_eyy", "sigma_exy"];
 const LENGTHS: [&str; 3] = ["length_px", "elongation_px", "sigma_elongation_px"];
 const STRETCH: [&str; 4] = ["strain_engineering", "sigma_strain_engineering", "strain_true", "sigma_strain_true"];
@@ -137,7 +138,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
     ) -> io::Result<Self> {
         let q = quantities;
         let window = if q.window.is_some() { [&WINDOW_COLUMNS[..], &WINDOW_MODEL_COLUMNS].concat() } else { vec![] };
-        let point = [&PX_COLUMNS[..], &STRAIN, &window].concat();
+        let point = [&PX_COLUMNS[..], &MODEL, &STRAIN, &window].concat();
         let opening = [&["along_px", "x_px", "y_px", "gap_px", "normal_x", "normal_y"][..], &JUMP].concat();
         let crack = [&["along_px", "x_px", "y_px", "normal_x", "normal_y"][..], &JUMP].concat();
         let has_tip = q.cracks.iter().any(|(_, crack)| crack.joined().next().is_some());
@@ -473,6 +474,7 @@ fn point_cells(at: [f64; 2], values: Option<PointValues>, windowed: bool) -> Vec
     let mut cells = at.map(Some).to_vec();
     cells.extend(of_each(values.map(|v| v.displacement)));
     cells.extend(of_each(values.map(|v| v.sigma)));
+    cells.extend(of_each(values.and_then(|v| v.model_error)));
     cells.extend(of_strain(values.and_then(|v| v.strain)));
     if windowed {
         cells.extend(of_strain(values.and_then(|v| v.window)));

@@ -58,8 +58,8 @@ impl CorrelationReport<'_> {
         if let Some((worst, misfit)) = worst_misfit(frames) {
             let (n, n_frames, off) = (off.len(), frames.len(), list(&off));
             warn(format!(
-                "In {n} of {n_frames} frames the residual of some elements is beyond noise: {off}. Worst is frame \
-                 {worst}: {misfit}."
+                "In {n} of {n_frames} frames some elements cannot follow the displacement: {off}. Worst is frame {worst}: \
+                 {misfit}."
             ));
         }
         blocks.extend(self.summary.remarks.iter().map(Block::of_remark));

@@ -13,7 +13,7 @@ pub enum ElementMark {
     /// Nothing.
     #[default]
     None,
-    /// Its residual is beyond noise: the field does not follow the displacement there, or the image has changed.
+    /// It cannot follow the displacement, or the image has changed all over its zone.
     Misfit,
     /// What it shows stays where it is while the specimen moves: dust, a reflection, something off the specimen.
     Still,

@@ -76,8 +76,8 @@ impl Status {
 pub struct ModelError {
     /// Error of each displacement for want of nodes, of focus, or by a regularisation; zero where nothing shows.
     pub nodes: Vec<[f64; 2]>,
-    /// Displacement, root mean square over the element, that the field does not follow there: zero but in elements
-    /// whose residual is beyond noise by the test (1 % over the zone).
+    /// Displacement, root mean square over the element, that the field does not follow there; zero where none shows
+    /// (THEORY 19).
     pub misfit: Vec<f64>,
 }
 
@@ -92,7 +92,7 @@ pub struct PointField {
     pub is_value: Vec<bool>,
 }
 
-/// The elements of a frame whose residual is beyond noise.
+/// The elements of a frame that cannot follow the displacement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Misfit {
     /// How many.
@@ -113,8 +113,8 @@ impl fmt::Display for Misfit {
         let plural = if *elements == 1 { "" } else { "s" };
         write!(
             f,
-            "misfit: the residual of {elements} element{plural} ({percent:.1} %) is beyond noise, most at ({x:.0}, {y:.0}) px, \
-             where {displacement:.2} px are not followed"
+            "misfit: {elements} element{plural} ({percent:.1} %) cannot follow the displacement, most at ({x:.0}, {y:.0}) px, where \
+             {displacement:.2} px are not followed"
         )
     }
 }
@@ -236,21 +236,19 @@ impl<U: Length> Measurement<U> {
         by_node.enumerate().map(|(element, by_node)| by_node || is_marked(element)).collect()
     }
 
-    /// The elements whose residual is beyond noise; none where no element is named, or nobody looked.
+    /// The elements that do not follow a displacement; none where no element is named, or nobody looked.
     pub fn misfit(&self) -> Option<Misfit> {
         let not_followed = &self.model_error.as_ref()?.misfit;
-        let elements = not_followed.iter().filter(|&&v| v > 0.0).count();
-        let worst = (0..not_followed.len()).max_by(|&a, &b| not_followed[a].total_cmp(&not_followed[b]))?;
+        let is_marked = |element: usize| self.marks.as_ref().is_none_or(|marks| marks[element] == ElementMark::Misfit);
+        let named = (0..not_followed.len()).filter(|&element| not_followed[element] > 0.0 && is_marked(element));
+        let elements = named.clone().count();
+        let worst = named.max_by(|&a, &b| not_followed[a].total_cmp(&not_followed[b]))?;
         let sides = corners_of(self.mesh.elements().get(worst)?).len();
         let corners = self.mesh.corners(worst);
         let middle = [0, 1].map(|c| corners[..sides].iter().map(|p| p[c]).sum::<f64>() / sides as f64);
         // An element that has left the image, or has no texture, has no residual.
         let n_tested = self.element_residual.iter().filter(|&&residual| residual > 0.0).count();
-        (elements > 0).then(|| Misfit {
-            elements,
-            percent: 100.0 * elements as f64 / n_tested.max(1) as f64,
-            at: middle,
-            displacement: not_followed[worst],
-        })
+        let percent = 100.0 * elements as f64 / n_tested.max(1) as f64;
+        Some(Misfit { elements, percent, at: middle, displacement: not_followed[worst] })
     }
 }

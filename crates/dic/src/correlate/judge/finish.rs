@@ -1,6 +1,5 @@
 //! What an iteration has found: status, uncertainty, marks and summary of a frame.
 
-use crate::backend::bend::BentSums;
 use crate::backend::{Backend, ElementMatch, Found, GreyTransfer, PixelSums};
 use crate::correlate::{
     Bent, Correlation, Correlator, DeformationGradient, ENOUGH_BY_SIGMA, Elements, Followed, ImagePair, Iterated,
@@ -9,13 +8,14 @@ use crate::correlate::{
     is_named, is_suspected, iterate, lost_in_noise, mark_pulled_along, nothing, numbers, rigid, spread_of,
 };
 use crate::field::{Brightness, ElementMark, Measurement, ModelError, Status};
+use crate::linalg::Solver;
 use rayon::prelude::*;
 
 /// A residual of this many times the noise of the reference says that a zone is misfit everywhere: out of focus, a
 /// reflection, another light.
 const MISFIT_EVERYWHERE: f64 = 3.0;
-/// An element is marked as misfit when the mean square of its residual is beyond noise, and this many times that of its
-/// zone (a quarter more in amplitude): less is what interpolation, light and compression leave in real images.
+/// It is looked at whether something stays still in an element when the mean square of its residual is beyond chance, and
+/// this many times that of its zone (a quarter more in amplitude).
 const MARKED_RATIO: f64 = 1.5625;
 /// Light that is to be held has followed for so many iterations on every device, whenever it was seen that it does not
 /// settle.
@@ -279,11 +279,13 @@ impl<B: Backend> Correlator<B> {
         if status == Status::IterationLimit && self.is_enough(&outcome, &made.sigma) {
             status = Status::Converged;
         }
+        let unfollowed = self.bend_test.test(mesh, &bent, self.solver_of(&outcome));
         let image = self.backend.image(frame);
         let pair = ImagePair::new([&self.image, &image], mesh, &full_displacement);
         let probe = self.probe.as_ref().filter(|_| status == Status::Converged);
         let light_nodes = light.as_ref().map(|light| light.nodes.as_slice());
-        let noise_colour = probe.and_then(|probe| probe.look(&of.by_grey, &image, light_nodes, &made.freedom_left));
+        let noise_colour = probe
+            .and_then(|probe| probe.look(&of.by_grey, &image, light_nodes, &made.freedom_left, unfollowed.is_wide()));
         // Correlated noise, as of resampled images, shows little in the fine structure; a reflection may pass for it.
         let is_coloured = noise_colour.is_some_and(|colour| colour.to_apply().is_some());
         let everywhere = self.misfit_everywhere(&elements, &made.zones, &pair, is_coloured);
@@ -294,7 +296,7 @@ impl<B: Backend> Correlator<B> {
             let own = own_noise.as_ref().map_or([1.0; 2], |own| own[node]);
             (0..2).for_each(|c| sigma[c] *= own[c] * noise_factor[c]);
         }
-        let (model_error, odd) = self.model_error(&of, &made, &excluded, &bent);
+        let (model_error, odd) = self.model_error(&of, &made, &excluded, unfollowed);
         // Whether it has lost so many elements that do not match that those left have been chosen.
         let has_lost = |zone: usize| {
             let elements = mesh.zone_elements(zone);
@@ -460,6 +462,11 @@ impl<B: Backend> Correlator<B> {
         in_noise.len()
     }
 
+    /// The solver of what a frame has left.
+    fn solver_of<'a>(&'a self, outcome: &'a Outcome<B>) -> &'a Solver {
+        outcome.own.as_ref().map_or(&*self.levels[0].solver, |own| &own.solver)
+    }
+
     /// What the field may be off beyond noise, and what is odd about each element: misfit where its residual is a
     /// displacement, still where it is beyond noise in another way.
     fn model_error(
@@ -467,14 +474,14 @@ impl<B: Backend> Correlator<B> {
         of: &Ended<'_, B>,
         made: &Measured,
         excluded: &[bool],
-        bent: &[BentSums],
+        unfollowed: Bent,
     ) -> (ModelError, Vec<Odd>) {
         let displacement = of.by_grey.displacement;
         let Elements { mesh, matched, transfer, .. } = of.by_grey;
         let residuals = self.residuals(matched, displacement, transfer, &of.spread.freedom, excluded);
         let looks = self.misfit_test.rate_residuals(&residuals);
-        let solver = of.outcome.own.as_ref().map_or(&*self.levels[0].solver, |own| &own.solver);
-        let Bent { not_followed, nodes } = self.bend_test.test(mesh, bent, solver);
+        let solver = self.solver_of(of.outcome);
+        let Bent { not_followed, nodes } = unfollowed;
         let nodes = self.mesh_lines.estimate_errors(displacement, &made.sigma, &made.measured, &nodes, solver);
         let model_error = ModelError { nodes, misfit: not_followed };
         let is_loud = |look: &Option<Look>| look.is_some_and(|look| look.is_beyond && look.ratio > MARKED_RATIO);

@@ -20,8 +20,9 @@ const TAKEN: usize = 2 * FLAT + 2;
 const BENT: usize = POWERS.len() - FLAT;
 /// and of both.
 const MODES: usize = 2 * BENT;
-/// What a column has beside those before it must be at least this share of its square: less is round-off.
-const LEAST_OWN: f64 = 1e-4;
+/// What a column has beside those before it must be at least this share of its square: of one that the field takes, less
+/// is round-off; of one that bends, less tells little of it and makes much of noise.
+const LEAST_OWN: [f64; 2] = [1e-4, 0.05];
 /// Standard deviates of F at which a single element shows a displacement: one in 3000 of those that are followed.
 const SHOWN: f64 = 3.4;
 /// Correlation of a mode between neighbouring elements from which on it is a displacement, which is continuous. What
@@ -33,6 +34,8 @@ const PAIRS: usize = 24;
 const CUT: f64 = 3.0;
 /// Elements from which the level of F, and its spread, are those of their zone.
 const ENOUGH: usize = 16;
+/// Share of the elements that may show a displacement while the residual is taken for noise.
+const WIDE: f64 = 0.1;
 /// An element is named when its displacement is off by so many standard uncertainties of its nodes.
 const NAMED_SIGMAS: f64 = 1.7;
 
@@ -74,7 +77,7 @@ fn factor(moments: &BentMoments) -> Factor {
             let own = product_of(moments, column(i), column(j));
             let left = own - (0..j).map(|k| l[entry(i, k)] * l[entry(j, k)]).sum::<f64>();
             l[entry(i, j)] = match (i == j, l[entry(j, j)]) {
-                (true, _) if left > LEAST_OWN * own => left.sqrt(),
+                (true, _) if left > LEAST_OWN[usize::from(i >= TAKEN)] * own => left.sqrt(),
                 (false, diagonal) if diagonal > 0.0 => left / diagonal,
                 _ => 0.0,
             };
@@ -112,6 +115,14 @@ pub(crate) struct Bent {
     pub not_followed: Vec<f64>,
     /// What that does to each node, px.
     pub nodes: Vec<[f64; 2]>,
+}
+
+impl Bent {
+    /// Whether so many elements show a displacement that the residual does not tell about the noise.
+    pub fn is_wide(&self) -> bool {
+        let n = self.not_followed.iter().filter(|px| **px > 0.0).count();
+        n as f64 > WIDE * self.not_followed.len() as f64
+    }
 }
 
 pub(crate) struct BendTest {

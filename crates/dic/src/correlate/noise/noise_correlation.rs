@@ -31,11 +31,6 @@ const WIDTH: usize = 2 * LAGS + 1;
 pub(crate) const SEEN: f64 = 1.1;
 /// ... where it lies this many of its standard deviations above 1.
 const CERTAIN: f64 = 3.5;
-/// A residual that follows the texture's own gradient this much more than other pieces of texture is misfit: in the
-/// mean of all displacements that elements cannot follow, and in the one that shows most.
-const MISFIT: [f64; 2] = [1.3, 1.75];
-/// Displacements that elements cannot follow: bent twice and three times along x and y, of both components.
-const MODES: usize = 8;
 /// Blocks whose residual is this many times that of the usual one hold something else than noise.
 const LOUD: f64 = 3.0;
 
@@ -48,22 +43,16 @@ pub struct NoiseColour {
     pub factor_sigma: f64,
     /// Correlation of neighbouring pixels of the residual along x and y, less that of white noise.
     pub neighbours: [f64; 2],
-    /// Mean square of the residual along displacements that elements cannot follow, beside that along other texture:
-    /// about 1 for noise of any colour, more for misfit. Mean and largest of several kinds.
-    pub misfit: [f64; 2],
+    /// Whether the residual holds so much displacement that is not followed that it does not tell about the noise.
+    pub is_misfit: bool,
 }
 
 impl NoiseColour {
-    /// Whether the residual holds so much misfit that it does not tell about the noise.
-    pub fn is_misfit(&self) -> bool {
-        self.misfit[0] > MISFIT[0] || self.misfit[1] > MISFIT[1]
-    }
-
     /// Factors on standard uncertainties: none where the noise is white as far as can be seen, or misfit hides it.
     pub fn to_apply(&self) -> Option<[f64; 2]> {
         let largest = self.factor[0].max(self.factor[1]);
         let seen = largest > SEEN && largest > 1.0 + CERTAIN * self.factor_sigma;
-        (seen && !self.is_misfit()).then(|| self.factor.map(|factor| factor.max(1.0)))
+        (seen && !self.is_misfit).then(|| self.factor.map(|factor| factor.max(1.0)))
     }
 }
 
@@ -97,9 +86,6 @@ struct Block {
     grey: Vec<f32>,
     /// Its gradient in both directions, without mean and slope, of unit length.
     pieces: [Vec<f32>; 2],
-    /// Displacements that the element cannot follow, times the gradient: of unit length, at right angles to each other
-    /// and to all that the fit can follow; none where the texture does not show the mode.
-    beyond: [Option<Vec<f32>>; MODES],
 }
 
 /// Autocorrelation at lags up to [`LAGS`], row by row.
@@ -113,8 +99,6 @@ pub(crate) struct NoiseProbe {
     blocks: Vec<Block>,
     /// Mean autocorrelation of the pieces of texture, for both components.
     of_pieces: [Lags; 2],
-    /// and of the displacements beyond.
-    of_beyond: Lags,
     /// Share of a piece's mean square that the fit leaves in the residual.
     left: [f64; 2],
     /// Autocorrelation of the interpolation's weights over the sub-pixel offset.
@@ -137,8 +121,6 @@ struct BlockSums {
     level: f64,
     /// The same of the pieces laid over it, per component.
     pieces: [f64; 2],
-    /// The same of the displacements beyond that the block's texture shows.
-    beyond: [Option<f64>; MODES],
     /// Correlation of neighbours along x and y less that of white noise.
     neighbours: [f64; 2],
 }
@@ -172,7 +154,6 @@ impl NoiseProbe {
             sum.map(|sum| sum / f64::max(lags.len() as f64, 1.0))
         };
         let of_pieces = [0, 1].map(|c| mean_lags(blocks.iter().map(|block| &block.pieces[c]).collect()));
-        let of_beyond = mean_lags(blocks.iter().flat_map(|block| block.beyond.iter().flatten()).collect());
         let left_by_fit = |c| left_by_fit(of, &blocks, &gradients, c, own_transfer);
         let left = rayon::join(|| left_by_fit(0), || left_by_fit(1)).into();
         // `sum_k eta(t + k) eta(t + k + lag)` per lag.
@@ -188,7 +169,6 @@ impl NoiseProbe {
             own_transfer,
             blocks,
             of_pieces,
-            of_beyond,
             left,
             filter,
             of_reference: 1.0 / of.n_references.max(1) as f64,
@@ -198,13 +178,14 @@ impl NoiseProbe {
     /// Looks at the residual of `image` in a frame: `None` where too few blocks are whole. `freedom` is the share of
     /// the residual's degrees of freedom that the unknowns of each zone leave. Below half of the standard deviation of
     /// rounding (identical images) there is round-off, whose colour means nothing. `light` comes before the transfer of
-    /// the zone at each node, where it varies; of a block in the mean.
+    /// the zone at each node, where it varies; of a block in the mean. `is_misfit`: displacements are not followed.
     pub fn look(
         &self,
         frame: &Elements<'_>,
         image: &Image,
         light: Option<&[GreyTransfer]>,
         freedom: &[f64],
+        is_misfit: bool,
     ) -> Option<NoiseColour> {
         let &Elements { mesh, matched, displacement, transfer, least, .. } = frame;
         let of_block = |(at, block): (usize, &Block)| {
@@ -242,24 +223,13 @@ impl NoiseProbe {
         let scatter = [0, 1].map(|c| (mean(&|sums| (sums.pieces[c] - square[c]).powi(2)) / n).sqrt());
         let factor = square.map(|square| square.max(0.0).sqrt());
         let relative = |c: usize| if square[c] > 0.0 { 0.5 * scatter[c] / square[c] } else { 0.0 };
-        let beyond: Vec<f64> = (0..MODES)
-            .filter_map(|mode| {
-                let shown: Vec<f64> = quiet.iter().filter_map(|sums| sums.beyond[mode]).collect();
-                let usual = square[component(mode)].max(f64::MIN_POSITIVE);
-                (shown.len() >= LEAST_BLOCKS).then(|| shown.iter().sum::<f64>() / (shown.len() as f64 * usual))
-            })
-            .collect();
         let colour = NoiseColour {
             factor,
             factor_sigma: relative(0).max(relative(1)),
             neighbours: [0, 1].map(|c| mean(&|sums| sums.neighbours[c])),
-            misfit: match beyond.len() {
-                // Texture too poor to tell misfit from noise.
-                0 => [1.0; 2],
-                n => [beyond.iter().sum::<f64>() / n as f64, beyond.iter().copied().fold(0.0, f64::max)],
-            },
+            is_misfit,
         };
-        let numbers = [colour.factor[0], colour.factor[1], colour.factor_sigma, colour.misfit[0], colour.misfit[1]];
+        let numbers = [colour.factor[0], colour.factor[1], colour.factor_sigma];
         numbers.iter().all(|v| v.is_finite()).then_some(colour)
     }
 
@@ -342,9 +312,6 @@ impl NoiseProbe {
             let sum: f64 = others.map(|other| along(&self.blocks[other].pieces[c])).sum();
             sum / (n_pieces as f64 * white(&self.of_pieces[c]) * self.left[c])
         });
-        let of_beyond = white(&self.of_beyond);
-        let shown = &self.blocks[at].beyond;
-        let beyond = std::array::from_fn(|mode| shown[mode].as_ref().map(|part| along(part) / of_beyond));
         let lag = |step: usize, inside: &dyn Fn(usize) -> bool| {
             let pairs = (0..residual.len() - step).filter(|&k| inside(k));
             let (sum, n) = pairs.fold((0.0, 0.0), |(sum, n), k| {
@@ -354,7 +321,7 @@ impl NoiseProbe {
         };
         let of_white = |x: usize, y: usize| gain * gain * filter_x[x] * filter_y[y] / at_rest;
         let neighbours = [lag(1, &|k| k % side + 1 < side) - of_white(1, 0), lag(side, &|_| true) - of_white(0, 1)];
-        BlockSums { level, pieces, beyond, neighbours }
+        BlockSums { level, pieces, neighbours }
     }
 }
 
@@ -390,29 +357,8 @@ impl Block {
         flat.add(y.clone(), 0.0);
         let piece = |c: usize| flat.rest(gradients[c].clone(), 1e-3);
         let pieces = [piece(0)?, piece(1)?];
-        // All that the fit may follow here, and a change of light.
-        let mut followed = flat.clone();
-        followed.add(grey.clone(), 1e-3);
-        for a in 0..4 {
-            for gradient in &gradients {
-                followed.add(gradient.iter().zip(&psi).map(|(g, psi)| g * psi[a]).collect(), 1e-3);
-            }
-        }
-        let mut beyond = [const { None }; MODES];
-        for (mode, beyond) in beyond.iter_mut().enumerate() {
-            let along = [&x, &y][mode % 2];
-            let bent = |s: f32| if mode / 4 == 0 { 1.5 * s * s - 0.5 } else { (2.5 * s * s - 1.5) * s };
-            let bent = gradients[component(mode)].iter().zip(along).map(|(g, &s)| g * bent(s)).collect();
-            // What is left must be mostly the bend, not round-off or the high frequencies alone.
-            *beyond = followed.rest(bent, 0.5);
-            followed.parts.extend(beyond.clone());
-        }
-        Some((Self { element, corner, psi, grey, pieces, beyond }, gradients))
+        Some((Self { element, corner, psi, grey, pieces }, gradients))
     }
-}
-
-fn component(mode: usize) -> usize {
-    mode / 2 % 2
 }
 
 /// Vectors of unit length at right angles to each other.
