@@ -499,6 +499,21 @@ def cells(r):
             *(f"{share(n, *pair):.1f}" for pair in SHARES), names, f"{r['seconds']:.2f}"]
 
 
+def show_kinds(done, say):
+    """The table of docs/correlation.md: the scenes of each kind, smallest and largest value."""
+    say("\n| scenes | " + " | ".join(LIMITS) + " | false % | missed % |\n|" + " --- |" * (len(LIMITS) + 3))
+    for kind in dict.fromkeys(r["kind"] for r in done):
+        of_kind = [r for r in done if r["kind"] == kind]
+        spans = []
+        for key in LIMITS:
+            values = [r[key] for r in of_kind if math.isfinite(r[key])]
+            spans.append(f"{min(values):.2f} to {max(values):.2f}" if values else "")
+        for part, whole in SHARES[-2:]:
+            n = sum(r["n"][whole] for r in of_kind)
+            spans.append(f"{100 * sum(r['n'][part] for r in of_kind) / n:.1f}" if n else "")
+        say(f"| {len(of_kind)} {kind} | " + " | ".join(spans) + " |")
+
+
 def summarise(results, say):
     """Says what came out over all scenes; the limits that failed."""
     done, failed = [r for r in results if "n" in r], [f"{r['scene']}: {r['status']}" for r in results if "n" not in r]
@@ -506,6 +521,7 @@ def summarise(results, say):
     if not done:
         return failed
     false, missed = share(total, "false", "followed"), share(total, "missed", "misfit")
+    show_kinds(done, say)
     say(f"\n- false marks: {false:.2f} % of {total['followed']} elements that follow (limit 2 %)")
     say(f"- found: {100 - missed:.1f} % of {total['misfit']} elements that miss more than 3 sigma (limit 95 %)")
     failed += [f"false marks {false:.2f} %"] if false > 2 else []
@@ -514,11 +530,7 @@ def summarise(results, say):
         known = [r for r in done if math.isfinite(r[key])]
         out = [r for r in known if not low <= r[key] <= high]
         failed += [f"{r['scene']}: {key} {r[key]:.2f}" for r in out]
-        spans = []
-        for kind in dict.fromkeys(r["kind"] for r in known):
-            values = [r[key] for r in known if r["kind"] == kind]
-            spans.append(f"{kind} {min(values):.2f} to {max(values):.2f}")
-        say(f"- {key}: {len(known) - len(out)} of {len(known)} scenes within {low} to {high}; {', '.join(spans)}")
+        say(f"- {key}: {len(known) - len(out)} of {len(known)} scenes within {low} to {high}")
     return failed
 
 

@@ -107,6 +107,21 @@ class Field:
             return self.misfit
         raise KeyError(f"{name!r} is no quantity of a field; there are ux, uy, u, sigma_ux, sigma_uy, exx, eyy, exy, residual, misfit")
 
+    @property
+    def trust(self) -> str:
+        """How far the displacements of the nodes can be trusted: standard uncertainty and model error, root mean squares over the
+        measured nodes, in px. The report says it of the worst frame."""
+        import numpy as np
+
+        if not self.measured.any():
+            return "no displacement is measured"
+        sigma = float(np.sqrt(np.mean(self.sigma[self.measured] ** 2)))
+        model = 0.0 if self.model_error is None else float(np.sqrt(np.mean(self.model_error[self.measured] ** 2)))
+        return (
+            f"displacements of nodes are known to {np.hypot(sigma, model):.2g} px (standard uncertainty {sigma:.2g}, "
+            f"model error {model:.2g} px)"
+        )
+
     def to_pandas(self) -> pandas.DataFrame:
         """One row per node, with the columns of ``csv/NNNNNN.csv``: x_px, y_px, ux_px, uy_px, sigma_ux_px, sigma_uy_px, exx, eyy,
         exy, measured, and the displacement at points. Needs pandas (``pip install quadrille[pandas]``)."""

@@ -1,5 +1,6 @@
 //! `summary.json`: what a series of correlations gave, frame by frame.
 
+use super::words::significant;
 use super::{Name, frame_remarks, number};
 use crate::backend::Traffic;
 use crate::correlate::{Ambiguity, Correlation, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault};
@@ -9,6 +10,7 @@ use crate::remark::{About, Remark};
 use crate::units::Px;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 
 /// Everything that `summary.json` holds. Lengths are in px of the reference image (y down), grey levels
 /// in the images' own scale.
@@ -53,6 +55,9 @@ pub struct Summary {
     pub reference_updates: Vec<usize>,
     /// Number of frames by status.
     pub counts: BTreeMap<Name, usize>,
+    /// How far the displacements can be trusted; absent where no frame has any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trust: Option<Trust>,
     /// The cracks along which the mesh is cut, when the series is done.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cracks: Vec<super::CrackSummary>,
@@ -161,6 +166,10 @@ pub struct FrameSummary {
     /// What the displacements may be off beyond noise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model_error: Option<ModelErrorSummary>,
+    /// Bias of the interpolation for displacements along x and y, root mean square over the measured nodes, px: part of the
+    /// model error that is alike at all nodes and does not average out. Absent without a field.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interpolation_bias_px: Option<[f64; 2]>,
     /// The windows of nodes that flatten the strain by far more than noise; absent where none does or none was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flattened: Option<Flattened>,
@@ -322,6 +331,53 @@ impl From<SmoothLight> for LightSummary {
     }
 }
 
+/// How far the displacements of the nodes of a series can be trusted: root mean squares over the frame that is known
+/// worst.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Trust {
+    /// Its number.
+    pub frame: usize,
+    /// Standard uncertainty.
+    pub sigma_px: f64,
+    /// Model error.
+    pub model_error_px: f64,
+    /// Size of the elements, in that of now, at which both would be alike: noise goes with its inverse, what elements do
+    /// not follow with its square. Absent where noise is more, or the model error is that of a few elements.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub element_size_factor: Option<f64>,
+}
+
+impl Trust {
+    /// Share of its elements, per cent, from which on the model error of a frame is that of the mesh.
+    const WIDE_PERCENT: f64 = 20.0;
+
+    /// That of these frames; none where none has a field.
+    pub fn of(frames: &[FrameSummary]) -> Option<Self> {
+        let known = |model: &ModelErrorSummary| model.sigma_rms_px.hypot(model.rms_px);
+        let with = frames.iter().filter_map(|frame| Some((frame, frame.model_error.as_ref()?)));
+        let (frame, model) = with.max_by(|a, b| known(a.1).total_cmp(&known(b.1)))?;
+        let (sigma_px, model_error_px) = (model.sigma_rms_px, model.rms_px);
+        let is_wide = frame.misfit.is_some_and(|misfit| misfit.percent > Self::WIDE_PERCENT);
+        let element_size_factor = (is_wide && model_error_px > sigma_px).then(|| (sigma_px / model_error_px).cbrt());
+        Some(Self { frame: frame.number, sigma_px, model_error_px, element_size_factor })
+    }
+}
+
+impl fmt::Display for Trust {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { frame, sigma_px, model_error_px, element_size_factor } = self;
+        let [known, sigma, model] =
+            [sigma_px.hypot(*model_error_px), *sigma_px, *model_error_px].map(|px| significant(px, 2));
+        write!(
+            f,
+            "displacements of nodes are known to {known} px or better (frame {frame}: standard uncertainty {sigma}, model error \
+             {model} px)"
+        )?;
+        element_size_factor
+            .map_or(Ok(()), |factor| write!(f, "; elements {factor:.1} times as large would make both alike"))
+    }
+}
+
 /// The frame with most misfit, its number first; none where no frame has any.
 pub(crate) fn worst_misfit(frames: &[FrameSummary]) -> Option<(usize, Misfit)> {
     let with = frames.iter().filter_map(|frame| Some((frame.number, frame.misfit?)));
@@ -355,6 +411,7 @@ impl FrameSummary {
             misfit: None,
             marked: Vec::new(),
             model_error: None,
+            interpolation_bias_px: None,
             flattened: None,
             saturated_percent: None,
             blank: None,
@@ -419,6 +476,7 @@ impl FrameSummary {
             misfit: field.and_then(Measurement::misfit),
             marked: result.measurement.marked(),
             model_error: field.and_then(ModelErrorSummary::of),
+            interpolation_bias_px: field.map(|_| result.interpolation_bias_px),
             flattened: None,
             saturated_percent: None,
             blank: None,
@@ -496,5 +554,24 @@ mod tests {
         let frames = [(1, Some((2.0, 9.0))), (2, Some((30.0, 0.1))), (3, None), (4, Some((30.0, 0.2)))].map(frame);
         assert_eq!(worst_misfit(&frames).map(|(number, _)| number), Some(4));
         assert_eq!(worst_misfit(&frames[2..3]), None);
+    }
+
+    #[test]
+    fn trust_is_that_of_the_frame_known_worst_and_advises_on_elements_where_most_do_not_follow() {
+        let frame = |(number, sigma_rms_px, rms_px, percent): (usize, f64, f64, f64)| FrameSummary {
+            model_error: Some(ModelErrorSummary { rms_px, largest_px: 1.0, at_px: [0.0; 2], sigma_rms_px }),
+            misfit: Some(Misfit { elements: 1, percent, at: [0.0; 2], displacement: 0.1 }),
+            ..FrameSummary::unreadable(number, String::new(), String::new(), 0.0)
+        };
+        // A crack: a few elements; waves: all of them.
+        let crack = [(1, 0.01, 0.002, 0.5), (2, 0.01, 0.08, 5.0)].map(frame);
+        let trust = Trust::of(&crack).unwrap();
+        assert_eq!((trust.frame, trust.element_size_factor), (2, None));
+        let waves = Trust::of(&[frame((1, 0.01, 0.08, 100.0))]).unwrap();
+        // Noise 1/0.5 as large, the model error 0.5^2: both 0.02 px.
+        assert!((waves.element_size_factor.unwrap() - 0.5).abs() < 1e-12);
+        assert!(waves.to_string().contains("known to 0.081 px or better"), "{waves}");
+        let unreadable = FrameSummary::unreadable(1, String::new(), String::new(), 0.0);
+        assert_eq!(Trust::of(&[unreadable]), None);
     }
 }

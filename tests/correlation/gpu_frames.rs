@@ -98,9 +98,11 @@ fn assert_few_words(what: &str, found: &Correlation, image: &Image) {
     let traffic = found.traffic.expect("a GPU counts its traffic");
     let iterations = found.iterations + found.coarse_iterations;
     let nodes = found.measurement.mesh.n_nodes();
-    assert!(traffic.readbacks <= iterations + 2, "{what}: {traffic:?}, {iterations} iterations");
+    // One at the end: what the residual follows beyond the field, 96 bytes per element.
+    assert!(traffic.readbacks <= iterations + 3, "{what}: {traffic:?}, {iterations} iterations");
     let ends = 1 + found.iterations.saturating_sub(3).min(3);
-    assert!(traffic.bytes_down <= 20 * nodes * ends + 64 * iterations, "{what}: {traffic:?}, {nodes} nodes");
+    let bent = 96 * found.measurement.mesh.n_elements();
+    assert!(traffic.bytes_down <= 20 * nodes * ends + 64 * iterations + bent, "{what}: {traffic:?}, {nodes} nodes");
     let pixels = image.width() * image.height();
     let bytes = match image.pixels() {
         Levels::U8(_) => pixels,
@@ -261,7 +263,7 @@ fn places_without_texture_are_dropped_or_held_as_by_the_cpu() {
         // The host solves: one more wait per iteration, and right-hand side and field go down.
         let traffic = found.traffic.unwrap();
         let iterations = found.iterations + found.coarse_iterations;
-        assert!(traffic.readbacks <= 2 * iterations + 2, "{what}: {traffic:?}, {iterations} iterations");
+        assert!(traffic.readbacks <= 2 * iterations + 3, "{what}: {traffic:?}, {iterations} iterations");
     }
 }
 
@@ -723,13 +725,14 @@ fn a_device_that_fails_anywhere_says_so_and_stays_failed() {
 }
 
 #[test]
-fn a_frame_from_its_prediction_makes_the_host_wait_once_or_twice() {
+fn a_frame_from_its_prediction_makes_the_host_wait_three_times_at_most() {
     let Some(gpu) = device() else { return };
     const SIDE: usize = 320;
     let [reference, deformed] = noisy_pair(&Accuracy::new(SIDE, SIDE), &eight_bit(SIDE, SIDE));
     // Inside: three iterations at once, and one more where it takes one. Where the border loses pixels the frame has a
-    // matrix of its own: what is lost, what is left of it, its correction, the iterations after it, and one more.
-    for (margin, most) in [(16, 2), (0, 6)] {
+    // matrix of its own: what is lost, what is left of it, its correction, the iterations after it, and one more. Then
+    // once for what the residual follows beyond the field.
+    for (margin, most) in [(16, 3), (0, 7)] {
         let zones = inside(SIDE, SIDE, margin);
         let (on_gpu, on_cpu) = (
             prepared_on(gpu.clone(), &reference, &zones, Options::default()),

@@ -5,7 +5,7 @@ use crate::cli::talk::{Paint, wrapped};
 use crate::cli::{Outcome, Result, plural};
 use crate::field::Status;
 use crate::io::store::Store;
-use crate::report::summary::{Summary, counts};
+use crate::report::summary::{Summary, Trust, counts};
 use crate::run::words::text::{in_words, runs};
 use crate::run::{Holder, RunFolder, all_frames, holders, locks_in};
 use serde::de::IgnoredAny;
@@ -147,5 +147,6 @@ fn complete_summary(folder: &Path, n_frames: usize) -> Result<()> {
     let Some(frames) = frames else { return Ok(()) };
     summary.frames = frames.into_iter().map(|(frame, _)| frame).collect();
     summary.counts = counts(&summary.frames);
+    summary.trust = Trust::of(&summary.frames);
     Ok(RunFolder::writable(folder)?.write_summary(&summary)?)
 }

@@ -5,7 +5,7 @@ use crate::cli::talk::{Fitting, Paint, Talk, WARNING, results, wrapped};
 use crate::field::Status;
 use crate::remark::Remark;
 use crate::report::fit::FitRecord;
-use crate::report::summary::{FrameSummary, worst_misfit};
+use crate::report::summary::{FrameSummary, Trust, worst_misfit};
 use crate::report::tournament::TournamentRecord;
 use crate::run::{Busy, Event};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -201,6 +201,9 @@ impl Progress {
             return;
         }
         const SHOWN: usize = 30;
+        if let Some(trust) = Trust::of(frames) {
+            eprintln!("{}", wrapped(&trust.to_string(), 2));
+        }
         HEAD.iter().for_each(|cells| eprintln!("{}", columns(cells)));
         // Those that want a look come first.
         let mut order: Vec<&FrameSummary> = frames.iter().collect();

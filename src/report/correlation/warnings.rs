@@ -4,7 +4,7 @@ use super::CorrelationReport;
 use crate::field::Status;
 use crate::remark::{About, Remark};
 use crate::report::page::{Block, Section};
-use crate::report::summary::{FrameSummary, worst_misfit};
+use crate::report::summary::{FrameSummary, Trust, worst_misfit};
 
 /// Frames of a kind that are named, and kinds of remarks that are quoted.
 const NAMED: usize = 12;
@@ -86,6 +86,8 @@ impl CorrelationReport<'_> {
             let text = "Every frame converged, and there are no warnings.".to_owned();
             blocks.insert(0, Block::Lead { text, warning: false });
         }
+        let trust = Trust::of(frames).map(|trust| Block::Lead { text: format!("Trust: {trust}."), warning: false });
+        blocks.splice(0..0, trust);
         Section { title: "Read this first".into(), blocks }
     }
 }

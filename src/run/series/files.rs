@@ -6,7 +6,7 @@ use crate::imaging::{FlatBlocks, Image, Saturation};
 use crate::io::quantities::{CrackHistory, QuantitySummary};
 use crate::io::store::{STORE, Store, StoreWriter};
 use crate::remark::Remark;
-use crate::report::summary::{FrameSummary, Summary, counts, reference_updates};
+use crate::report::summary::{FrameSummary, Summary, Trust, counts, reference_updates};
 use crate::report::{CrackSummary, crack_figures};
 use crate::run::folder::read::make_folder;
 use crate::run::folder::restart;
@@ -238,6 +238,7 @@ impl<'a> PreparedSeries<'a> {
             seconds_reference: self.seconds_reference,
             remarks: left_out.into_iter().chain(borders).collect(),
             counts: counts(&frames),
+            trust: Trust::of(&frames),
             reference_updates: reference_updates(&frames),
             frames,
             ..said::empty_summary(plan, correlator, reference, threads, self.saturation)

@@ -3,6 +3,7 @@
 pub(crate) mod doubts;
 pub(crate) mod error;
 pub(crate) mod event;
+pub(crate) mod fields;
 pub(crate) mod heard;
 pub(crate) mod remarks;
 pub(crate) mod said;

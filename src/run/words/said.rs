@@ -88,6 +88,7 @@ pub(crate) fn empty_summary(
         nodes_held: correlator.held().iter().map(Into::into).collect(),
         remarks: Vec::new(),
         counts: BTreeMap::new(),
+        trust: None,
         reference_updates: Vec::new(),
         cracks: Vec::new(),
         frames: Vec::new(),

@@ -1,6 +1,6 @@
 //! What has come of a run so far.
 
-use crate::report::summary::{Summary, counts, reference_updates};
+use crate::report::summary::{Summary, Trust, counts, reference_updates};
 use crate::run::folder::RunFolder;
 use crate::run::frames::{Busy, Engine};
 use crate::run::words::{Event, Result, Watcher};
@@ -57,6 +57,7 @@ impl Tally {
         let summary = &mut self.summary;
         summary.frames.sort_by_key(|frame| frame.number);
         summary.counts = counts(&summary.frames);
+        summary.trust = Trust::of(&summary.frames);
         summary.reference_updates = reference_updates(&summary.frames);
         summary.seconds_total = begin.elapsed().as_secs_f64();
         folder.write_summary(summary)

@@ -1,6 +1,6 @@
 //! What a window of nodes flattens: the slope of its plane less that of a cubic (THEORY 20).
 
-use super::StrainWindow;
+use super::window::StrainWindow;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 

@@ -11,6 +11,7 @@ mod rigid;
 mod strain;
 mod strain_field;
 mod strain_window;
+mod window;
 
 pub use flattening::Flattened;
 pub use mark::{ElementMark, Marked};
@@ -26,4 +27,5 @@ pub use quantities::{
 pub use rigid::RigidMotion;
 pub use strain::{ELEMENT_NOISE, NODE_NOISE, StrainDefinition, TensorStrain, element_strain_sigma, node_strain_sigma};
 pub use strain_field::StrainField;
-pub use strain_window::{StrainWindow, StrainWindows, WindowStrains};
+pub use strain_window::{StrainWindows, WindowStrains};
+pub use window::StrainWindow;

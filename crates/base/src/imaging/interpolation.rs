@@ -121,7 +121,7 @@ impl Interpolation {
     }
 
     /// Weight, in the reference gradient along an axis, of the pixel `k` px away.
-    fn gradient_weight(self, k: i32) -> f64 {
+    pub fn gradient_weight(self, k: i32) -> f64 {
         let h = 1e-5; // central difference of a C1 function: error h^2, round-off 1e-11
         match self {
             // The reference gradient of these two is the central difference.

@@ -522,8 +522,8 @@ pub trait Backend: Clone + Send + Sync + 'static {
     /// When the device fails.
     fn bent_moments(&self, level: &Self::Level, frame: &Self::Frame) -> Result<Vec<BentMoments>, BackendError>;
 
-    /// How far the residual at the field as it is follows such displacements, per element; nothing of elements that are
-    /// out of the sums.
+    /// How far the residual at the field as it is follows such displacements, per element, those too that are out of all
+    /// other sums.
     ///
     /// # Errors
     /// When the device fails.

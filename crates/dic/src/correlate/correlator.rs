@@ -2,10 +2,10 @@
 
 use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions};
 use crate::correlate::{
-    AssumedNoise, BendTest, Correlation, CorrelationError, Enough, Features, Finest, Iterated, Level, Limits, MATCHED,
-    MeshLines, MisfitTest, NodalSpread, NoiseGain, NoiseProbe, Options, Overlap, PointValuesOf, Prepared, Reference,
-    Regularisation, Result, SeenByNode, Settled, Start, StartUsed, Turn, WILD_ELEMENTS, bare_borders, finest_level,
-    high_frequency, iterate, nothing, replace_outliers, rounding,
+    AssumedNoise, BendTest, Correlation, CorrelationError, Enough, Features, Finest, InterpolationBias, Iterated,
+    Level, Limits, MATCHED, MeshLines, MisfitTest, NodalSpread, NoiseGain, NoiseProbe, Options, Overlap, PointValuesOf,
+    Prepared, Reference, Regularisation, Result, SeenByNode, Settled, Start, StartUsed, Turn, WILD_ELEMENTS,
+    bare_borders, finest_level, high_frequency, iterate, nothing, replace_outliers, rounding,
 };
 use crate::field::{NoiseCorrelation, Status};
 use crate::imaging::Image;
@@ -80,6 +80,7 @@ pub struct Correlator<B: Backend> {
     pub(super) misfit_test: MisfitTest,
     pub(super) bend_test: BendTest,
     pub(super) mesh_lines: MeshLines,
+    pub(super) interpolation_bias: InterpolationBias,
     /// See [`Limits::enough`].
     pub(super) enough: Vec<Enough>,
     /// What the nodes see; none where the noise is stated or they are held.
@@ -201,9 +202,12 @@ impl<B: Backend> Correlator<B> {
         let probe =
             || (options.noise_correlation == NoiseCorrelation::Auto).then(|| NoiseProbe::new(&prepared)).flatten();
         let gradient_noise = options.interpolation.gradient_noise_gain();
-        let of_finest =
-            || (MisfitTest::new(&level.mesh, &level.moments, gradient_noise, fine), MeshLines::new(&level.mesh));
-        let ((probe, (misfit_test, mesh_lines)), coarse_levels) = rayon::join(
+        let of_finest = || {
+            let misfit_test = MisfitTest::new(&level.mesh, &level.moments, gradient_noise, fine);
+            let bias = InterpolationBias::new(&reference, &level.mesh, options.interpolation, noise.of_reference);
+            (misfit_test, MeshLines::new(&level.mesh), bias)
+        };
+        let ((probe, (misfit_test, mesh_lines, interpolation_bias)), coarse_levels) = rayon::join(
             || rayon::join(probe, of_finest),
             || coarse_levels(&backend, &mut frame, laid, size, &noise, &kernel, &options),
         );
@@ -243,6 +247,7 @@ impl<B: Backend> Correlator<B> {
             misfit_test,
             bend_test,
             mesh_lines,
+            interpolation_bias,
             enough,
             seen: match reference.options.is_held() || reference.options.noise.constant().is_some() {
                 true => Vec::new(),

@@ -339,14 +339,16 @@ impl WithSpline for Bend<'_> {
             let at = |nodes: &[u32; 4]| Corners::new(nodes.map(|node| field.displacement[node as usize]));
             let corners: Vec<Corners> = level.mesh.elements()[elements.clone()].iter().map(at).collect();
             let light = field.light.as_deref().map(|light| &light[elements.clone()]);
-            let transfer = &field.element_transfer[elements];
-            bend::bent_sums::<S, K, L>(isa, pass, first, &corners, transfer, light, sums, spline);
+            let of_zone = |zone: &u32| {
+                let GreyTransfer { gain, offset } = field.transfer[*zone as usize];
+                (gain as f32, offset as f32)
+            };
+            let transfer: Vec<(f32, f32)> = match level.own_transfer() {
+                true => field.element_transfer[elements].to_vec(),
+                false => level.mesh.element_zone()[elements].iter().map(of_zone).collect(),
+            };
+            bend::bent_sums::<S, K, L>(isa, pass, first, &corners, &transfer, light, sums, spline);
         });
-        for (element, sums) in sums.iter_mut().enumerate() {
-            if field.sums_of(element).n == 0.0 {
-                *sums = BentSums::default();
-            }
-        }
         sums
     }
 }

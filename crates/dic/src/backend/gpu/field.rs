@@ -586,18 +586,12 @@ impl GpuField {
         let mut recorder = gpu.record();
         recorder.clear(&bent);
         kernels.iter().for_each(|(bound, groups)| recorder.run(bound, *groups));
-        let matched = &[(&bent, bytes), (&self.sums, (4 * SUMS * n_elements) as u64)];
-        let fetched = recorder.fetch(matched, &mut frame.traffic)?;
-        let (bent, sums) = fetched.split_at(bytes as usize);
-        let of_element = |(bent, sums): (&[f32; BENT_SUMS], &[f32; SUMS])| {
-            if sums[8] == 0.0 || sums[OUT] == EXCLUDED {
-                return BentSums::default();
-            }
-            let at = |k: usize| f64::from(bent[k]);
+        let fetched = recorder.fetch(&[(&bent, bytes)], &mut frame.traffic)?;
+        let of_element = |sums: &[f32; BENT_SUMS]| {
+            let at = |k: usize| f64::from(sums[k]);
             BentSums { along: std::array::from_fn(at), rr: at(COLUMNS), n: at(COLUMNS + 1) }
         };
-        let (bent, sums) = (values::<[f32; BENT_SUMS]>(bent), values::<[f32; SUMS]>(sums));
-        Ok(bent.iter().zip(&sums).map(of_element).collect())
+        Ok(values::<[f32; BENT_SUMS]>(&fetched).iter().map(of_element).collect())
     }
 
     /// Sets the light of the nodes.

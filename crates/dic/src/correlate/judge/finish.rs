@@ -279,7 +279,7 @@ impl<B: Backend> Correlator<B> {
         if status == Status::IterationLimit && self.is_enough(&outcome, &made.sigma) {
             status = Status::Converged;
         }
-        let unfollowed = self.bend_test.test(mesh, &bent, self.solver_of(&outcome));
+        let unfollowed = self.bend_test.test(mesh, &bent, &elements, self.solver_of(&outcome));
         let image = self.backend.image(frame);
         let pair = ImagePair::new([&self.image, &image], mesh, &full_displacement);
         let probe = self.probe.as_ref().filter(|_| status == Status::Converged);
@@ -316,6 +316,7 @@ impl<B: Backend> Correlator<B> {
         let displacement =
             full_displacement.iter().zip(&measured).map(|(u, &m)| if m { *u } else { [0.0; 2] }).collect();
         let rigid = rigid(mesh, &full_displacement, &measured, 0..mesh.n_nodes());
+        let interpolation_bias_px = self.mean_bias(&full_displacement, &measured);
         if let Some(own) = outcome.own {
             own.give_back(&self.backend, level);
         }
@@ -337,6 +338,7 @@ impl<B: Backend> Correlator<B> {
             noise_factor,
             photon_noise,
             traffic: self.backend.traffic(frame),
+            interpolation_bias_px,
             correction_px: outcome.correction_px,
             correction_at: mesh.nodes()[outcome.worst_node],
             residual_rms: all.residual_rms(),
@@ -462,6 +464,17 @@ impl<B: Backend> Correlator<B> {
         in_noise.len()
     }
 
+    /// Bias of the interpolation, root mean square over the measured nodes, px.
+    fn mean_bias(&self, displacement: &[[f64; 2]], measured: &[bool]) -> [f64; 2] {
+        let (mut squares, mut n) = ([0.0; 2], 0.0f64);
+        for (u, _) in displacement.iter().zip(measured).filter(|(_, measured)| **measured) {
+            let bias = self.interpolation_bias.at(*u);
+            (0..2).for_each(|c| squares[c] += bias[c] * bias[c]);
+            n += 1.0;
+        }
+        squares.map(|square| (square / n.max(1.0)).sqrt())
+    }
+
     /// The solver of what a frame has left.
     fn solver_of<'a>(&'a self, outcome: &'a Outcome<B>) -> &'a Solver {
         outcome.own.as_ref().map_or(&*self.levels[0].solver, |own| &own.solver)
@@ -482,7 +495,8 @@ impl<B: Backend> Correlator<B> {
         let looks = self.misfit_test.rate_residuals(&residuals);
         let solver = self.solver_of(of.outcome);
         let Bent { not_followed, nodes } = unfollowed;
-        let nodes = self.mesh_lines.estimate_errors(displacement, &made.sigma, &made.measured, &nodes, solver);
+        let bias = &self.interpolation_bias;
+        let nodes = self.mesh_lines.estimate_errors(displacement, &made.sigma, &made.measured, &nodes, solver, bias);
         let model_error = ModelError { nodes, misfit: not_followed };
         let is_loud = |look: &Option<Look>| look.is_some_and(|look| look.is_beyond && look.ratio > MARKED_RATIO);
         let odd = |(is_named, look): (bool, &Option<Look>)| match (is_named, is_loud(look)) {

@@ -6,6 +6,7 @@
 //! displacement by itself. Weaker ones show by their neighbours: a displacement is continuous, so that what bends one
 //! element bends the next. Where no mode does, the level of F in the zone is that of its noise, of any colour.
 
+use crate::backend::ElementMatch;
 use crate::backend::bend::{BentMoments, BentSums, COLUMNS, FLAT, POWERS, product};
 use crate::field::ModelError;
 use crate::linalg::Solver;
@@ -170,13 +171,14 @@ impl BendTest {
         (noise > 0.0 && look.unit.is_finite() && look.f().is_finite()).then_some(look)
     }
 
-    /// What the residual of a frame, whose normal equations `solver` solves, follows beyond its field.
-    pub fn test(&self, mesh: &Mesh<Px>, sums: &[BentSums], solver: &Solver) -> Bent {
+    /// What the residual of a frame, whose normal equations `solver` solves, follows beyond its field; elements of which
+    /// nothing has `matched` are left out.
+    pub fn test(&self, mesh: &Mesh<Px>, sums: &[BentSums], matched: &[ElementMatch], solver: &Solver) -> Bent {
         if sums.is_empty() {
             return Bent { not_followed: vec![0.0; mesh.n_elements()], nodes: vec![[0.0; 2]; mesh.n_nodes()] };
         }
-        let looks: Vec<Option<Look>> =
-            sums.par_iter().enumerate().with_min_len(64).map(|(at, sums)| self.look(at, sums)).collect();
+        let look = |(at, sums): (usize, &BentSums)| if matched[at].n > 0.0 { self.look(at, sums) } else { None };
+        let looks: Vec<Option<Look>> = sums.par_iter().enumerate().with_min_len(64).map(look).collect();
         let zones: Vec<OfZone> = (0..mesh.zones().len()).map(|zone| OfZone::new(mesh, zone, &looks)).collect();
         let mut not_followed = vec![0.0; mesh.n_elements()];
         let mut by_residual = vec![[0.0; 2]; mesh.n_nodes()];

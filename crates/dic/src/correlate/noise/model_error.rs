@@ -1,6 +1,6 @@
 //! What the field may be off beyond noise (THEORY 11): an estimate for every node, without any pixel.
 //!
-//! Three parts, added as squares:
+//! Four parts, added as squares:
 //! - **The mesh is too coarse.** A smooth displacement that the elements only follow with straight lines is overshot at
 //!   the nodes by `h^2 u''/12` (projection of a parabola on linear elements; at an end as well): a twelfth of the
 //!   second difference of the nodal values.
@@ -8,7 +8,9 @@
 //!   and the first counts, since both see the same.
 //! - **A regularisation** draws the field to what it prefers: `a = A^-1 M a_true`, `A = M + w R`, is short of the truth
 //!   by `A^-1 w R a_true`. Of that the first two terms of the series in the field found are taken.
+//! - **The interpolation** is biased by the fraction of a pixel ([`InterpolationBias`]), alike at all nodes.
 
+use crate::correlate::InterpolationBias;
 use crate::linalg::Solver;
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -132,6 +134,7 @@ impl MeshLines {
         measured: &[bool],
         by_bending: &[[f64; 2]],
         solver: &Solver,
+        of_interpolation: &InterpolationBias,
     ) -> Vec<[f64; 2]> {
         let coarse = self.coarseness(displacement, sigma, measured, !solver.is_held());
         let bias = bias_of_penalty(solver, displacement);
@@ -139,9 +142,11 @@ impl MeshLines {
             if !measured[node] {
                 return [0.0; 2];
             }
+            let interpolated = of_interpolation.at(displacement[node]);
             [0, 1].map(|c| {
                 let bias = bias.as_ref().map_or(0.0, |bias| bias[node][c]);
-                (coarse[node][c].max(by_bending[node][c].powi(2)) + bias * bias).sqrt()
+                let not_followed = coarse[node][c].max(by_bending[node][c].powi(2));
+                (not_followed + bias * bias + interpolated[c].powi(2)).sqrt()
             })
         };
         (0..measured.len()).map(at).collect()

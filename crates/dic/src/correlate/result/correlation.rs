@@ -53,6 +53,9 @@ pub struct Correlation {
     pub coarse_iterations: usize,
     /// Largest nodal correction of the last iteration, px.
     pub correction_px: f64,
+    /// Bias of the interpolation for displacements along x and y, root mean square over the measured nodes, px: part of the
+    /// model error, alike at nodes that move by the same fraction of a pixel.
+    pub interpolation_bias_px: [f64; 2],
     /// Place of the node of that correction in the reference, px: where to look when a frame does not converge.
     pub correction_at: [f64; 2],
     /// Root mean square of the residual over all zones, grey levels, before the last correction.

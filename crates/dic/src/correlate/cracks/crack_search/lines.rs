@@ -43,7 +43,7 @@ pub(super) fn groups(mesh: &Mesh<Px>, bad: &[bool]) -> Vec<Group> {
     found
 }
 
-fn middle(mesh: &Mesh<Px>, element: usize) -> [f64; 2] {
+pub(super) fn middle(mesh: &Mesh<Px>, element: usize) -> [f64; 2] {
     let corners = mesh.corners(element);
     [0, 1].map(|c| 0.25 * corners.iter().map(|p| p[c]).sum::<f64>())
 }

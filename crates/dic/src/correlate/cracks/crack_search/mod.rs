@@ -11,7 +11,7 @@ use crate::field::{CrackLine, Jump, Measurement, ModelError, NodalNoise};
 use crate::imaging::Image;
 use crate::mesh::{Crack, FacePoint, Mesh, Zone, project};
 use crate::units::Px;
-use lines::{Group, distance, groups};
+use lines::{Group, distance, groups, middle};
 use sides::{Between, Sides, sides};
 use std::fmt;
 
@@ -33,6 +33,8 @@ const FURTHER_SHARE: f64 = 0.2;
 const TO_BORDER: f64 = 2.0;
 /// Where so much is marked that it forms no line, elements that do not follow by this much may, px.
 const WORST_PX: f64 = 0.5;
+/// and are not so many elements from a line that has been found.
+const BESIDE: f64 = 2.0;
 /// Lines that are looked at in one frame.
 const MOST: usize = 8;
 /// Points of a path leave out what lies this near to the line between others, px.
@@ -129,7 +131,7 @@ pub fn search_cracks(
     let bad: Vec<bool> = marks.iter().map(|&mark| is_mismatch(mark)).collect();
     search.marked = bad.iter().filter(|&&bad| bad).count();
     let mut found: Vec<(Group, Between)> = Vec::new();
-    let mut try_groups = |search: &mut CrackSearch, groups: Vec<Group>| {
+    let try_groups = |search: &mut CrackSearch, found: &mut Vec<(Group, Between)>, groups: Vec<Group>| {
         for group in groups.into_iter().take(MOST) {
             match group.line.as_ref().map(|line| sides(line, &uncut, [reference, deformed])) {
                 None => search.reject(&group, NoCrack::NotALine([group.length_px, group.width_px])),
@@ -139,11 +141,17 @@ pub fn search_cracks(
             }
         }
     };
-    try_groups(&mut search, groups(&uncut.mesh, &bad));
-    // Where much is marked, what is worst may stand out.
-    let worst = find_worst(&uncut, &bad);
+    try_groups(&mut search, &mut found, groups(&uncut.mesh, &bad));
+    // Where much is marked, what is worst may stand out; not beside what has been found.
+    let size = uncut.mesh.element_size();
+    let is_found = |at: [f64; 2]| {
+        let beside = |between: &Between| project(&between.path, at).is_some_and(|place| place.distance < BESIDE * size);
+        found.iter().any(|(_, between)| beside(between))
+    };
+    let mut worst = find_worst(&uncut, &bad);
+    worst.iter_mut().enumerate().for_each(|(element, worst)| *worst &= !is_found(middle(&uncut.mesh, element)));
     if search.rejected.iter().any(|rejected| matches!(rejected.why, NoCrack::NotALine(_))) && worst != bad {
-        try_groups(&mut search, groups(&uncut.mesh, &worst));
+        try_groups(&mut search, &mut found, groups(&uncut.mesh, &worst));
     }
     if found.is_empty() {
         return Ok(search);
