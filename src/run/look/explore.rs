@@ -5,8 +5,10 @@ use crate::io::arrays::Values;
 use crate::io::quantities::QUANTITY_TABLES;
 use crate::io::store::{Place, Store, Variable};
 use crate::report::page::{Block, Page, Section};
+use crate::report::summary::Summary;
 use crate::report::view::{Column, Head, Layer, On, Packed, View, ViewFrame};
 use crate::report::{Backdrop, Palette};
+use crate::run::folder::{RunFolder, read::read_json};
 use crate::run::look::{FitOfRun, Off};
 use crate::run::words::{Result, file_name, plural};
 use rayon::prelude::*;
@@ -73,6 +75,9 @@ impl Explored<'_> {
         let frames: Vec<Listed> = (1..=self.store.n_frames()).map(|number| self.list(number)).collect();
         let mut lead: Vec<(String, bool)> = self.faults.iter().map(|fault| (fault.clone(), true)).collect();
         lead.push(count_ends(&frames));
+        // Without a summary the fields are there all the same.
+        let trust = read_json::<Summary>(&self.folder.join(RunFolder::SUMMARY)).ok().and_then(|summary| summary.trust);
+        lead.extend(trust.map(|trust| (format!("Trust: {trust}."), false)));
         if n_shown < self.numbers.len() {
             let text = format!(
                 "{n_shown} of {} frames with a field are in this page, evenly spaced, to keep it below {max_mb} MB; `quadrille view --max-mb` \

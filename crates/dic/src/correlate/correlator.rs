@@ -196,9 +196,8 @@ impl<B: Backend> Correlator<B> {
         let sigma = assumed_sigma(&noise, &noise_gain, &spread, options.n_references);
         let tolerance_px = tolerance_px(&options, &level, &sigma);
         let enough = enough_by_node(&level, &seen, &sigma);
-        let n_references = options.n_references.max(1);
-        let prepared =
-            Prepared { image: &reference, kernel: &kernel, n_references, level: &level, pixels: &zone_pixels };
+        let (image, pixels, n_references) = (&*reference, &*zone_pixels, options.n_references.max(1));
+        let prepared = Prepared { image, kernel: &kernel, n_references, level: &level, pixels };
         let probe =
             || (options.noise_correlation == NoiseCorrelation::Auto).then(|| NoiseProbe::new(&prepared)).flatten();
         let gradient_noise = options.interpolation.gradient_noise_gain();
