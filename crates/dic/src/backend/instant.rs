@@ -328,9 +328,10 @@ impl Backend for InstantBackend {
         level: &CpuLevel,
         frame: &mut CpuFrame,
         field: &InstantField,
+        wanted: &[bool],
     ) -> Result<Vec<BentSums>, BackendError> {
         match &field.0 {
-            Kind::Iterated { field, .. } => self.cpu.bent_sums(level, frame, field),
+            Kind::Iterated { field, .. } => self.cpu.bent_sums(level, frame, field, wanted),
             Kind::Known { answers, .. } => Ok(answers.bent.clone()),
         }
     }
@@ -348,7 +349,7 @@ impl Backend for InstantBackend {
                         sums: self.cpu.element_sums(level, frame, field)?.0,
                         all_sums: self.cpu.all_sums(level, frame, field)?,
                         right_hand_side: self.cpu.right_hand_side(level, frame, field)?,
-                        bent: self.cpu.bent_sums(level, frame, field)?,
+                        bent: self.cpu.bent_sums(level, frame, field, &vec![true; level.n_elements()])?,
                     };
                     self.answers.get_or_init(|| Arc::new(answers));
                 }

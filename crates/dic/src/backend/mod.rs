@@ -522,8 +522,8 @@ pub trait Backend: Clone + Send + Sync + 'static {
     /// When the device fails.
     fn bent_moments(&self, level: &Self::Level, frame: &Self::Frame) -> Result<Vec<BentMoments>, BackendError>;
 
-    /// How far the residual at the field as it is follows such displacements, per element, those too that are out of all
-    /// other sums.
+    /// How far the residual at the field as it is follows such displacements, per element: of those that are `wanted`,
+    /// be they out of all other sums, and of others if that is no more work.
     ///
     /// # Errors
     /// When the device fails.
@@ -532,6 +532,7 @@ pub trait Backend: Clone + Send + Sync + 'static {
         level: &Self::Level,
         frame: &mut Self::Frame,
         field: &Self::Field,
+        wanted: &[bool],
     ) -> Result<Vec<BentSums>, BackendError>;
 
     /// What went between the host and the device for a frame, when they are two.

@@ -105,6 +105,11 @@ impl NodalNoise {
         Self { marks: field.marks.clone(), reads_coefficients: !has_values, ..unknown }
     }
 
+    /// Whether what is read at points is made of coefficients as they stand.
+    pub(super) fn reads_coefficients(&self) -> bool {
+        self.reads_coefficients
+    }
+
     /// The elements around a node that have all their nodes measured.
     pub(super) fn around(&self, node: usize) -> impl Iterator<Item = usize> {
         self.around[node].iter().map(|&element| element as usize)

@@ -17,8 +17,7 @@ pub struct PointValues {
     pub displacement: [f64; 2],
     /// Its standard uncertainty.
     pub sigma: [f64; 2],
-    /// What it may be off beyond noise ([`ModelError`](crate::field::ModelError)): of the nodes around, and what their
-    /// element does not follow; `None` where it is not known.
+    /// What it may be off beyond noise ([`ModelError`](crate::field::ModelError)); `None` where it is not known.
     pub model_error: Option<[f64; 2]>,
     /// The strain, and the standard uncertainty of exx, eyy and exy; `None` where no element with all nodes
     /// measured lies around a corner of the point's element, or where the field folds.
@@ -88,20 +87,22 @@ pub fn at_point<U: Length>(
     let (x, y) = (x?, y?);
     let strain = gradient_weights(mesh, noise, &weights).and_then(|by| strain_of(field, noise, definition, &by));
     let (displacement, sigma) = ([x.value, y.value], [x.sigma, y.sigma]);
-    let model_error = model_error_at(field, at, &weights);
+    let model_error = model_error_at(field, noise, at, &weights);
     Some(PointValues { displacement, sigma, model_error, strain, window: None, window_model_error: None })
 }
 
-/// What the displacement at a point may be off beyond noise.
+/// What the displacement at a point may be off beyond noise: what its element does not follow, and where it is read from
+/// coefficients what these are off. Values at points are without what coefficients overshoot (THEORY 17).
 fn model_error_at<U: Length>(
     field: &Measurement<U>,
+    noise: &NodalNoise,
     [x, y]: [f64; 2],
     weights: &[(usize, f64); 4],
 ) -> Option<[f64; 2]> {
     let error = field.model_error.as_ref()?;
     let misfit = error.misfit[field.mesh.find(x, y)?.0];
     let of_nodes = |c: usize| weights.iter().map(|&(node, weight)| weight * error.nodes[node][c].powi(2)).sum::<f64>();
-    Some([0, 1].map(|c| (of_nodes(c) + misfit * misfit).sqrt()))
+    Some([0, 1].map(|c| if noise.reads_coefficients() { (of_nodes(c) + misfit * misfit).sqrt() } else { misfit }))
 }
 
 /// The nodes of the element that holds a point, with their weights there.

@@ -16,24 +16,26 @@ const MOST: usize = 3;
 const MOST_OF_PRODUCTS: usize = 6;
 
 multiversioned! {
-    /// Sums of the elements from `first` on; `corners`, `transfer` (gain, offset) and `sums` run over them, `light` too where there is any.
+    /// Sums of the `wanted` elements from `first` on; `corners`, `transfer` (gain, offset) and `sums` run over them, `light` too where there is any.
     pub(super) fn bent_sums[S: Spline<K>, const K: usize, const L: usize][S, K, L](
-        pass: &Pass<'_, L>, first: usize, corners: &[Corners], transfer: &[(f32, f32)], light: Option<&[Light]>, sums: &mut [BentSums],
+        pass: &Pass<'_, L>, first: usize, wanted: &[bool], corners: &[Corners], transfer: &[(f32, f32)], light: Option<&[Light]>, sums: &mut [BentSums],
         spline: S,
     ) => bent_sums_body
 }
 
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "as many as the kernel has")]
 fn bent_sums_body<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     pass: &Pass<'_, L>,
     first: usize,
+    wanted: &[bool],
     corners: &[Corners],
     transfer: &[(f32, f32)],
     light: Option<&[Light]>,
     sums: &mut [BentSums],
     _: S,
 ) {
-    for (k, sums) in sums.iter_mut().enumerate() {
+    for (k, sums) in sums.iter_mut().enumerate().filter(|(k, _)| wanted[*k]) {
         let (element, lanes) = pass.element(first + k);
         let light = light.map_or(Light::NONE, |light| light[k]);
         *sums = if element.n_runs > 0 {

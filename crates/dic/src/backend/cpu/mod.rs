@@ -324,18 +324,23 @@ struct Bend<'a> {
     isa: Isa,
     deformed: &'a Plane,
     field: &'a CpuField,
+    wanted: &'a [bool],
 }
 
 impl WithSpline for Bend<'_> {
     type Output = Vec<BentSums>;
 
     fn run<S: Spline<K>, const K: usize, const L: usize>(self, spline: S) -> Vec<BentSums> {
-        let Self { level, isa, deformed, field } = self;
+        let Self { level, isa, deformed, field, wanted } = self;
         let pass = &Pass::<L>::new(isa, &level.reference, deformed);
         let mut sums = vec![BentSums::default(); level.mesh.n_elements()];
         parts::for_each(sums.chunks_mut(PIECE).enumerate().collect(), |(piece, sums)| {
             let first = piece * PIECE;
             let elements = first..first + sums.len();
+            let wanted = &wanted[elements.clone()];
+            if !wanted.contains(&true) {
+                return;
+            }
             let at = |nodes: &[u32; 4]| Corners::new(nodes.map(|node| field.displacement[node as usize]));
             let corners: Vec<Corners> = level.mesh.elements()[elements.clone()].iter().map(at).collect();
             let light = field.light.as_deref().map(|light| &light[elements.clone()]);
@@ -347,13 +352,18 @@ impl WithSpline for Bend<'_> {
                 true => field.element_transfer[elements].to_vec(),
                 false => level.mesh.element_zone()[elements].iter().map(of_zone).collect(),
             };
-            bend::bent_sums::<S, K, L>(isa, pass, first, &corners, &transfer, light, sums, spline);
+            bend::bent_sums::<S, K, L>(isa, pass, first, wanted, &corners, &transfer, light, sums, spline);
         });
         sums
     }
 }
 
 impl CpuLevel {
+    #[cfg(feature = "testbed")]
+    pub(super) fn n_elements(&self) -> usize {
+        self.mesh.n_elements()
+    }
+
     fn own_transfer(&self) -> bool {
         self.options.brightness == Brightness::Element
     }
@@ -827,9 +837,10 @@ impl Backend for CpuBackend {
         level: &CpuLevel,
         frame: &mut CpuFrame,
         field: &CpuField,
+        wanted: &[bool],
     ) -> Result<Vec<BentSums>, BackendError> {
         let deformed = frame.coefficients(self, level.level)?;
-        Ok(level.with_spline(Bend { level, isa: self.isa, deformed, field }))
+        Ok(level.with_spline(Bend { level, isa: self.isa, deformed, field, wanted }))
     }
 
     fn read_field(&self, level: &CpuLevel, _: &mut CpuFrame, field: &CpuField) -> Result<Found, BackendError> {

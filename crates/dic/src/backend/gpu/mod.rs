@@ -365,6 +365,7 @@ impl Backend for GpuBackend {
         level: &GpuLevel,
         frame: &mut GpuFrame,
         field: &GpuField,
+        _: &[bool],
     ) -> Result<Vec<BentSums>, BackendError> {
         field.bend(&self.gpu, level, frame)
     }

@@ -2,10 +2,11 @@
 
 use crate::backend::{Backend, ElementMatch, Found, GreyTransfer, PixelSums};
 use crate::correlate::{
-    Bent, Correlation, Correlator, DeformationGradient, ENOUGH_BY_SIGMA, Elements, Followed, ImagePair, Iterated,
-    LEAST_LEFT, Level, Light, Limits, Look, MATCHED, NodalSpread, OfElement, Outcome, Own, PhotonNoise, Residuals,
-    Result, Seen, Settled, StartUsed, TOO_SLOW, ZoneResult, continue_field, factors, fill_field, follow_nodes,
-    is_named, is_suspected, iterate, lost_in_noise, mark_pulled_along, nothing, numbers, rigid, spread_of,
+    Bent, Chosen, Correlation, Correlator, DeformationGradient, ENOUGH_BY_SIGMA, Elements, Followed, ImagePair,
+    Iterated, LEAST_LEFT, Level, Light, Limits, Look, MATCHED, NodalSpread, OfElement, Outcome, Own, PhotonNoise,
+    Residuals, Result, Seen, Settled, StartUsed, TOO_SLOW, ZoneResult, continue_field, factors, fill_field,
+    follow_nodes, is_named, is_suspected, iterate, lost_in_noise, mark_pulled_along, nothing, numbers, rigid,
+    spread_of,
 };
 use crate::field::{Brightness, ElementMark, Measurement, ModelError, Status};
 use crate::linalg::Solver;
@@ -241,12 +242,29 @@ impl<B: Backend> Correlator<B> {
         let status = self.judge(&outcome, &found.elements, &matches, &excluded);
         let is_as_iterated = status == Status::Converged && excluded == before;
         let bent = match status {
-            Status::Converged | Status::IterationLimit => {
-                self.backend.bent_sums(&self.levels[0].prepared, frame, field)?
-            }
-            _ => Vec::new(),
+            Status::Converged | Status::IterationLimit => self.ask_residual(frame, field, &found)?,
+            _ => Chosen::default(),
         };
         Ok(Settled { of: Iterated { outcome, found, light, excluded }, is_as_iterated, matches, status, bent })
+    }
+
+    /// What the residual follows beyond the field: of a sample, and of the elements that this makes doubtful.
+    fn ask_residual(&self, frame: &mut B::Frame, field: &mut B::Field, found: &Found) -> Result<Chosen> {
+        let Level { mesh, prepared, .. } = &self.levels[0];
+        let sample = self.bend_test.sample();
+        let mut sums = self.backend.bent_sums(prepared, frame, field, sample)?;
+        let chosen = self.bend_test.choose(mesh, &sums, &found.elements);
+        // A device may have given all at once.
+        let wanted: Vec<bool> = (0..sums.len()).map(|element| chosen[element] && sums[element].n == 0.0).collect();
+        if (0..sums.len()).any(|element| wanted[element] && !sample[element]) {
+            let more = self.backend.bent_sums(prepared, frame, field, &wanted)?;
+            sums.iter_mut()
+                .zip(more)
+                .zip(wanted)
+                .filter(|(_, wanted)| *wanted)
+                .for_each(|((sums, more), _)| *sums = more);
+        }
+        Ok(Chosen { sums, chosen })
     }
 
     /// Uncertainty, marks and summary of a field, and whether it is one.

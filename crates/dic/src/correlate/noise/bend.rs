@@ -5,15 +5,17 @@
 //! Under noise, the mean square along the latter over that of the rest is a variable F. An element far beyond it shows a
 //! displacement by itself. Weaker ones show by their neighbours: a displacement is continuous, so that what bends one
 //! element bends the next. Where no mode does, the level of F in the zone is that of its noise, of any colour.
+//!
+//! A sample of the elements tells what a zone shows. Others are looked at where it shows something, or where their
+//! residual is large or beside what is lost: of a frame that is followed a fifth.
 
 use crate::backend::ElementMatch;
-use crate::backend::bend::{BentMoments, BentSums, COLUMNS, FLAT, POWERS, product};
+use crate::backend::bend::{BentMoments, BentSums, COLUMNS, FLAT, N_PRODUCTS, POWERS, product};
 use crate::field::ModelError;
-use crate::linalg::Solver;
+use crate::linalg::{Pattern, Solver};
 use crate::mesh::Mesh;
 use crate::units::Px;
 use rayon::prelude::*;
-use std::collections::HashMap;
 
 /// Columns of the fit that a bilinear field and the light can take: the gradient's components times 1, z, w, zw; f; 1.
 const TAKEN: usize = 2 * FLAT + 2;
@@ -35,13 +37,18 @@ const PAIRS: usize = 24;
 const CUT: f64 = 3.0;
 /// Elements from which the level of F, and its spread, are those of their zone.
 const ENOUGH: usize = 16;
+/// Elements of a zone from which the sample is taken, with two neighbours each; of smaller zones all are in it.
+const SAMPLE: usize = 512;
+/// An element is looked at when the mean square of its residual is beyond the median by so many standard deviations of
+/// noise, or when its zone shows something.
+const DOUBTED: f64 = 1.7;
 /// Share of the elements that may show a displacement while the residual is taken for noise.
 const WIDE: f64 = 0.1;
 /// An element is named when its displacement is off by so many standard uncertainties of its nodes.
 const NAMED_SIGMAS: f64 = 1.7;
 
 /// The place of a column among those of [`BentSums::along`]; the taken ones come first.
-fn column(at: usize) -> usize {
+const fn column(at: usize) -> usize {
     match at {
         0..TAKEN if at < 2 * FLAT => at / FLAT * POWERS.len() + at % FLAT,
         0..TAKEN => 2 * POWERS.len() + at - 2 * FLAT,
@@ -49,18 +56,31 @@ fn column(at: usize) -> usize {
     }
 }
 
-/// The sum of products of two columns.
-fn product_of(moments: &BentMoments, a: usize, b: usize) -> f64 {
-    let (a, b) = (a.min(b), a.max(b));
-    let grey = 2 * POWERS.len();
-    match (a, b) {
-        (a, b) if b < grey => {
-            let [[ka, la], [kb, lb]] = [a, b].map(|k| POWERS[k % POWERS.len()]);
-            moments.gradient[a / POWERS.len() + b / POWERS.len()][product(ka + kb, la + lb)]
-        }
-        (a, b) if a < grey => moments.grey[2 * (b - grey) + a / POWERS.len()][a % POWERS.len()],
-        (a, b) => moments.of_grey[a + b - 2 * grey],
+/// Numbers of [`BentMoments`], and where among them the sum of products of two columns is.
+const N_MOMENTS: usize = 3 * N_PRODUCTS + 4 * POWERS.len() + 3;
+const PLACES: [[u8; COLUMNS]; COLUMNS] = places();
+
+const fn place(a: usize, b: usize) -> usize {
+    let (a, b) = if a < b { (a, b) } else { (b, a) };
+    let (n, grey) = (POWERS.len(), 2 * POWERS.len());
+    if b < grey {
+        let ([ka, la], [kb, lb]) = (POWERS[a % n], POWERS[b % n]);
+        (a / n + b / n) * N_PRODUCTS + product(ka + kb, la + lb)
+    } else if a < grey {
+        3 * N_PRODUCTS + (2 * (b - grey) + a / n) * n + a % n
+    } else {
+        3 * N_PRODUCTS + 4 * n + a + b - 2 * grey
     }
+}
+
+const fn places() -> [[u8; COLUMNS]; COLUMNS] {
+    let mut places = [[0; COLUMNS]; COLUMNS];
+    let mut at = 0;
+    while at < COLUMNS * COLUMNS {
+        places[at / COLUMNS][at % COLUMNS] = place(column(at / COLUMNS), column(at % COLUMNS)) as u8;
+        at += 1;
+    }
+    places
 }
 
 /// Row by row, the lower triangle of the Cholesky factor of the products of an element's columns; zero on the diagonal
@@ -72,19 +92,32 @@ fn entry(i: usize, j: usize) -> usize {
 }
 
 fn factor(moments: &BentMoments) -> Factor {
-    let mut l = [0.0f64; COLUMNS * (COLUMNS + 1) / 2];
-    for i in 0..COLUMNS {
-        for j in 0..=i {
-            let own = product_of(moments, column(i), column(j));
-            let left = own - (0..j).map(|k| l[entry(i, k)] * l[entry(j, k)]).sum::<f64>();
-            l[entry(i, j)] = match (i == j, l[entry(j, j)]) {
-                (true, _) if left > LEAST_OWN[usize::from(i >= TAKEN)] * own => left.sqrt(),
-                (false, diagonal) if diagonal > 0.0 => left / diagonal,
-                _ => 0.0,
-            };
+    let mut all = [0.0; N_MOMENTS];
+    let (of_gradient, rest) = all.split_at_mut(3 * N_PRODUCTS);
+    of_gradient.copy_from_slice(moments.gradient.as_flattened());
+    let (of_grey, rest) = rest.split_at_mut(4 * POWERS.len());
+    of_grey.copy_from_slice(moments.grey.as_flattened());
+    rest.copy_from_slice(&moments.of_grey);
+    let mut l = PLACES.map(|row| row.map(|place| all[usize::from(place)]));
+    for j in 0..COLUMNS {
+        let own = all[usize::from(PLACES[j][j])];
+        let root = if l[j][j] > LEAST_OWN[usize::from(j >= TAKEN)] * own { l[j][j].sqrt() } else { 0.0 };
+        let mut below = [0.0; COLUMNS];
+        for i in j..COLUMNS {
+            below[i] = if root > 0.0 { l[i][j] / root } else { 0.0 };
+            l[i][j] = below[i];
+        }
+        for i in j + 1..COLUMNS {
+            for k in j + 1..=i {
+                l[i][k] -= below[i] * below[k];
+            }
         }
     }
-    l.map(|v| v as f32)
+    let mut factor = [0.0; COLUMNS * (COLUMNS + 1) / 2];
+    for i in 0..COLUMNS {
+        (0..=i).for_each(|j| factor[entry(i, j)] = l[i][j] as f32);
+    }
+    factor
 }
 
 /// What the residual of an element says of displacements that bend within it.
@@ -110,6 +143,13 @@ struct OfZone {
     coherence: [f64; MODES],
 }
 
+/// Sums of the elements that are chosen to be looked at; none where there is no field.
+#[derive(Default)]
+pub(crate) struct Chosen {
+    pub sums: Vec<BentSums>,
+    pub chosen: Vec<bool>,
+}
+
 /// What a frame's residual follows beyond its field.
 pub(crate) struct Bent {
     /// Displacement that each element does not follow, root mean square, px; zero where none shows.
@@ -130,18 +170,81 @@ pub(crate) struct BendTest {
     factors: Vec<Factor>,
     /// Pixels of each element, and mean square of a component of its gradient.
     texture: Vec<[f64; 2]>,
+    /// Elements that tell what is usual in their zone, and what all of it shows.
+    in_sample: Vec<bool>,
+    /// Per zone, neighbours along both axes of the mesh.
+    pairs: Vec<[Vec<[usize; 2]>; 2]>,
 }
 
 impl BendTest {
-    pub fn new(moments: &[BentMoments]) -> Self {
+    pub fn new(mesh: &Mesh<Px>, pattern: &Pattern, moments: &[BentMoments]) -> Self {
         let texture = |moments: &BentMoments| {
             let n = moments.of_grey[2];
             [n, 0.5 * (moments.gradient[0][0] + moments.gradient[2][0]) / n.max(1.0)]
         };
+        let mut in_sample = vec![false; mesh.n_elements()];
+        let of_zone = |zone: usize| {
+            let elements = mesh.zone_elements(zone);
+            let every = if elements.len() <= 2 * SAMPLE { 1 } else { elements.len().div_ceil(SAMPLE) };
+            let mut pairs: [Vec<[usize; 2]>; 2] = Default::default();
+            for element in elements.step_by(every) {
+                in_sample[element] = true;
+                for (axis, pairs) in pairs.iter_mut().enumerate() {
+                    if let Some(other) = beside(mesh, pattern, element, 1 + axis) {
+                        in_sample[other] = true;
+                        pairs.push([element, other]);
+                    }
+                }
+            }
+            pairs
+        };
+        let pairs = (0..mesh.zones().len()).map(of_zone).collect();
         Self {
             factors: moments.par_iter().with_min_len(64).map(factor).collect(),
             texture: moments.iter().map(texture).collect(),
+            in_sample,
+            pairs,
         }
+    }
+
+    /// The elements whose residual is asked for first.
+    pub fn sample(&self) -> &[bool] {
+        &self.in_sample
+    }
+
+    /// The elements that are looked at, by the `sums` of the sample and how all have `matched`.
+    pub fn choose(&self, mesh: &Mesh<Px>, sums: &[BentSums], matched: &[ElementMatch]) -> Vec<bool> {
+        let looks = self.looks(sums, matched, &self.in_sample);
+        let mut chosen = self.in_sample.clone();
+        let mut beside_lost = vec![false; mesh.n_nodes()];
+        for (element, nodes) in mesh.elements().iter().enumerate() {
+            if matched[element].n == 0.0 && self.texture[element][0] > 0.0 {
+                nodes.iter().for_each(|&node| beside_lost[node as usize] = true);
+            }
+        }
+        for zone in 0..mesh.zones().len() {
+            let square = |element: usize| matched[element].residual_rms.powi(2);
+            let counts = |element: &usize| matched[*element].n > 0.0;
+            let mut squares: Vec<f64> =
+                mesh.zone_elements(zone).filter(|e| self.in_sample[*e] && counts(e)).map(square).collect();
+            squares.sort_by(f64::total_cmp);
+            let Some(&median) = squares.get(squares.len() / 2) else { continue };
+            let is_bent = self.coherence(zone, &looks).iter().any(|coherence| *coherence > 0.0);
+            for element in mesh.zone_elements(zone).filter(counts) {
+                let most = median * (1.0 + DOUBTED * (2.0 / matched[element].n).sqrt());
+                let is_beside = || mesh.elements()[element].iter().any(|&node| beside_lost[node as usize]);
+                chosen[element] |= is_bent || square(element) > most || is_beside();
+            }
+        }
+        chosen
+    }
+
+    /// What the residuals of the `chosen` elements say.
+    fn looks(&self, sums: &[BentSums], matched: &[ElementMatch], chosen: &[bool]) -> Vec<Option<Look>> {
+        let look = |(at, sums): (usize, &BentSums)| {
+            if chosen[at] && matched[at].n > 0.0 { self.look(at, sums) } else { None }
+        };
+        sums.par_iter().enumerate().with_min_len(256).map(look).collect()
     }
 
     fn look(&self, element: usize, sums: &BentSums) -> Option<Look> {
@@ -173,13 +276,13 @@ impl BendTest {
 
     /// What the residual of a frame, whose normal equations `solver` solves, follows beyond its field; elements of which
     /// nothing has `matched` are left out.
-    pub fn test(&self, mesh: &Mesh<Px>, sums: &[BentSums], matched: &[ElementMatch], solver: &Solver) -> Bent {
+    pub fn test(&self, mesh: &Mesh<Px>, sums: &Chosen, matched: &[ElementMatch], solver: &Solver) -> Bent {
+        let Chosen { sums, chosen } = sums;
         if sums.is_empty() {
             return Bent { not_followed: vec![0.0; mesh.n_elements()], nodes: vec![[0.0; 2]; mesh.n_nodes()] };
         }
-        let look = |(at, sums): (usize, &BentSums)| if matched[at].n > 0.0 { self.look(at, sums) } else { None };
-        let looks: Vec<Option<Look>> = sums.par_iter().enumerate().with_min_len(64).map(look).collect();
-        let zones: Vec<OfZone> = (0..mesh.zones().len()).map(|zone| OfZone::new(mesh, zone, &looks)).collect();
+        let looks = self.looks(sums, matched, chosen);
+        let zones: Vec<OfZone> = (0..mesh.zones().len()).map(|zone| self.of_zone(mesh, zone, &looks)).collect();
         let mut not_followed = vec![0.0; mesh.n_elements()];
         let mut by_residual = vec![[0.0; 2]; mesh.n_nodes()];
         for (element, look) in looks.iter().enumerate() {
@@ -201,6 +304,54 @@ impl BendTest {
         solver.matrix().held().iter().for_each(|&node| by_residual[node as usize] = [0.0; 2]);
         let nodes = if any { solver.solve(by_residual) } else { by_residual };
         Bent { not_followed, nodes }
+    }
+
+    /// What is usual in a zone, by the sample.
+    fn of_zone(&self, mesh: &Mesh<Px>, zone: usize, looks: &[Option<Look>]) -> OfZone {
+        let seen: Vec<&Look> =
+            mesh.zone_elements(zone).filter(|e| self.in_sample[*e]).filter_map(|e| looks[e].as_ref()).collect();
+        let coherence = self.coherence(zone, looks);
+        let mut of = OfZone { level: 1.0, spread: 1.0, coherence };
+        if seen.len() < ENOUGH {
+            return of;
+        }
+        // By the modes that are no displacement.
+        let n_noise = coherence.iter().filter(|coherence| **coherence == 0.0).count().max(1) as f64;
+        let noise = |look: &&Look| {
+            let terms = look.along.iter().zip(&coherence).filter(|(_, coherence)| **coherence == 0.0);
+            terms.map(|(along, _)| along * along).sum::<f64>() / n_noise
+        };
+        let mut f: Vec<f64> = seen.iter().map(noise).collect();
+        f.sort_by(f64::total_cmp);
+        let quantile = |share: f64| f[(share * (f.len() - 1) as f64) as usize];
+        let rest = seen.iter().map(|look| look.freedom[1]).sum::<f64>() / seen.len() as f64;
+        // The median of a variable F is where its deviate is nothing.
+        let median = ((1.0 - 2.0 / (9.0 * n_noise)) / (1.0 - 2.0 / (9.0 * rest))).powi(3);
+        of.level = quantile(0.5) / median;
+        of.spread = (-deviate(quantile(0.25) / of.level, n_noise, rest) / 0.674).max(1.0);
+        of
+    }
+
+    /// Correlation of the modes between neighbouring elements of a zone, along one axis of the mesh or the other; 0
+    /// where it is below [`COHERENT`].
+    fn coherence(&self, zone: usize, looks: &[Option<Look>]) -> [f64; MODES] {
+        let both = |&[a, b]: &[usize; 2]| Some([looks[a].as_ref()?, looks[b].as_ref()?]);
+        let pairs = self.pairs[zone].each_ref().map(|pairs| pairs.iter().filter_map(both).collect::<Vec<_>>());
+        let of_mode = |mode: usize| {
+            let mut sizes: Vec<f64> = pairs.iter().flatten().map(|[look, _]| look.size[mode].abs()).collect();
+            sizes.sort_by(f64::total_cmp);
+            let most = CUT * sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+            let along = |pairs: &Vec<[&Look; 2]>| {
+                let (mut product, mut squares) = (0.0, 0.0);
+                for pair in pairs {
+                    let [a, b] = pair.map(|look| look.size[mode].clamp(-most, most));
+                    (product, squares) = (product + a * b, squares + 0.5 * (a * a + b * b));
+                }
+                if pairs.len() < PAIRS || squares == 0.0 { 0.0 } else { (product / squares).abs() }
+            };
+            pairs.iter().map(along).fold(0.0, f64::max)
+        };
+        std::array::from_fn(|mode| Some(of_mode(mode)).filter(|of| *of > COHERENT).unwrap_or(0.0))
     }
 
     /// Coefficients of the columns that bend, from those at right angles to each other.
@@ -260,30 +411,6 @@ impl Look {
 }
 
 impl OfZone {
-    fn new(mesh: &Mesh<Px>, zone: usize, looks: &[Option<Look>]) -> Self {
-        let seen: Vec<&Look> = mesh.zone_elements(zone).filter_map(|element| looks[element].as_ref()).collect();
-        let coherence = coherence(mesh, zone, looks);
-        let mut of = Self { level: 1.0, spread: 1.0, coherence };
-        if seen.len() < ENOUGH {
-            return of;
-        }
-        // By the modes that are no displacement.
-        let n_noise = coherence.iter().filter(|coherence| **coherence == 0.0).count().max(1) as f64;
-        let noise = |look: &&Look| {
-            let terms = look.along.iter().zip(&coherence).filter(|(_, coherence)| **coherence == 0.0);
-            terms.map(|(along, _)| along * along).sum::<f64>() / n_noise
-        };
-        let mut f: Vec<f64> = seen.iter().map(noise).collect();
-        f.sort_by(f64::total_cmp);
-        let quantile = |share: f64| f[(share * (f.len() - 1) as f64) as usize];
-        let rest = seen.iter().map(|look| look.freedom[1]).sum::<f64>() / seen.len() as f64;
-        // The median of a variable F is where its deviate is nothing.
-        let median = ((1.0 - 2.0 / (9.0 * n_noise)) / (1.0 - 2.0 / (9.0 * rest))).powi(3);
-        of.level = quantile(0.5) / median;
-        of.spread = (-deviate(quantile(0.25) / of.level, n_noise, rest) / 0.674).max(1.0);
-        of
-    }
-
     /// How much of each mode of an element is a displacement.
     fn shares(&self, look: &Look) -> [f64; MODES] {
         let f = look.f() / self.level;
@@ -292,40 +419,15 @@ impl OfZone {
     }
 }
 
-/// Correlation of the modes between neighbouring elements of a zone, along one axis of the mesh or the other; 0 where it
-/// is below [`COHERENT`].
-fn coherence(mesh: &Mesh<Px>, zone: usize, looks: &[Option<Look>]) -> [f64; MODES] {
-    let elements = mesh.zone_elements(zone);
-    let mut beside = HashMap::new();
-    let mut pairs: [Vec<[usize; 2]>; 2] = Default::default();
-    for element in elements.clone().filter(|&element| looks[element].is_some()) {
-        let nodes = mesh.elements()[element];
-        for side in 0..4 {
-            let [a, b] = [nodes[side], nodes[(side + 1) % 4]];
-            match beside.remove(&[b, a]) {
-                // Elements that are turned against each other have other modes.
-                Some((other, other_side)) if (side + 2) % 4 == other_side => pairs[side % 2].push([other, element]),
-                _ => drop(beside.insert([a, b], (element, side))),
-            }
-        }
-    }
-    let size_of = |element: usize, mode: usize| looks[element].as_ref().map_or(0.0, |look| look.size[mode]);
-    let of_mode = |mode: usize| {
-        let mut sizes: Vec<f64> =
-            elements.clone().filter(|&e| looks[e].is_some()).map(|e| size_of(e, mode).abs()).collect();
-        sizes.sort_by(f64::total_cmp);
-        let most = CUT * sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
-        let along = |pairs: &Vec<[usize; 2]>| {
-            let (mut product, mut squares) = (0.0, 0.0);
-            for pair in pairs {
-                let [a, b] = pair.map(|element| size_of(element, mode).clamp(-most, most));
-                (product, squares) = (product + a * b, squares + 0.5 * (a * a + b * b));
-            }
-            if pairs.len() < PAIRS || squares == 0.0 { 0.0 } else { (product / squares).abs() }
-        };
-        pairs.iter().map(along).fold(0.0, f64::max)
+/// The element that shares the side of this number with another, turned alike; none else.
+fn beside(mesh: &Mesh<Px>, pattern: &Pattern, element: usize, side: usize) -> Option<usize> {
+    let nodes = mesh.elements()[element];
+    let [a, b] = [nodes[side], nodes[(side + 1) % 4]];
+    let shares = |other: &usize| {
+        let of_other = mesh.elements()[*other];
+        *other != element && [of_other[(side + 2) % 4], of_other[(side + 3) % 4]] == [b, a]
     };
-    std::array::from_fn(|mode| Some(of_mode(mode)).filter(|of| *of > COHERENT).unwrap_or(0.0))
+    pattern.elements_of(a as usize).iter().map(|&(other, _)| other as usize).find(shares)
 }
 
 /// The standard normal deviate of a variable F of `a` and `b` degrees of freedom (Paulson 1942).

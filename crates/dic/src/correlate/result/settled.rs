@@ -1,8 +1,7 @@
 //! What an iteration has found, before and after it is known which elements match.
 
-use crate::backend::bend::BentSums;
 use crate::backend::{Backend, Found};
-use crate::correlate::{Light, Outcome, Start, numbers};
+use crate::correlate::{Chosen, Light, Outcome, Start, numbers};
 use crate::field::Status;
 
 pub(crate) struct Iterated<B: Backend> {
@@ -34,8 +33,8 @@ pub(crate) struct Settled<B: Backend> {
     /// Per zone.
     pub matches: Vec<f64>,
     pub status: Status,
-    /// Per element; none where there is no field.
-    pub bent: Vec<BentSums>,
+    /// What its residual is asked.
+    pub bent: Chosen,
 }
 
 impl<B: Backend> Settled<B> {
