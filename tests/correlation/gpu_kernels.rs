@@ -123,9 +123,10 @@ fn asked<B: Backend>(backend: &B, case: &Case, laid: &Laid) -> Answer {
     let found = backend.read_field(&level, &mut deformed, &field).unwrap();
     let bent = (case.level == 0).then(|| {
         backend.observe(&level, &mut deformed, &mut field).unwrap();
-        let sums = backend.bent_sums(&level, &mut deformed, &field, &vec![true; laid.active.len()]).unwrap();
+        let all: Vec<u32> = (0..laid.active.len() as u32).collect();
+        let sums = backend.bent_sums(&level, &mut deformed, &field, &all).unwrap();
         let rhs = backend.right_hand_side(&level, &mut deformed, &field).unwrap();
-        (backend.bent_moments(&level, &reference).unwrap(), sums, rhs)
+        (backend.bent_moments(&level, &all).unwrap(), sums, rhs)
     });
     Answer { moments, zones, rhs, remaining, found, bent }
 }

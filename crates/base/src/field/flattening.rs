@@ -113,9 +113,9 @@ impl Slope {
         Self { off: self.off + other.off, noise: self.noise + other.noise, n: self.n + other.n, ..self }
     }
 
-    /// What the strain is off beyond noise and one standard deviation of what that makes of it.
+    /// What the strain is off beyond noise.
     pub fn model_error(self) -> f64 {
-        ((self.off - self.noise * (1.0 + (2.0 / self.n).sqrt())) / self.n).max(0.0).sqrt()
+        ((self.off - self.noise) / self.n).max(0.0).sqrt()
     }
 
     fn is_flattened(self) -> bool {

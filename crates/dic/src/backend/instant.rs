@@ -319,8 +319,8 @@ impl Backend for InstantBackend {
         }
     }
 
-    fn bent_moments(&self, level: &CpuLevel, frame: &CpuFrame) -> Result<Vec<BentMoments>, BackendError> {
-        self.cpu.bent_moments(level, frame)
+    fn bent_moments(&self, level: &CpuLevel, elements: &[u32]) -> Result<Vec<BentMoments>, BackendError> {
+        self.cpu.bent_moments(level, elements)
     }
 
     fn bent_sums(
@@ -328,11 +328,11 @@ impl Backend for InstantBackend {
         level: &CpuLevel,
         frame: &mut CpuFrame,
         field: &InstantField,
-        wanted: &[bool],
+        elements: &[u32],
     ) -> Result<Vec<BentSums>, BackendError> {
         match &field.0 {
-            Kind::Iterated { field, .. } => self.cpu.bent_sums(level, frame, field, wanted),
-            Kind::Known { answers, .. } => Ok(answers.bent.clone()),
+            Kind::Iterated { field, .. } => self.cpu.bent_sums(level, frame, field, elements),
+            Kind::Known { answers, .. } => Ok(elements.iter().map(|&at| answers.bent[at as usize]).collect()),
         }
     }
 
@@ -349,7 +349,12 @@ impl Backend for InstantBackend {
                         sums: self.cpu.element_sums(level, frame, field)?.0,
                         all_sums: self.cpu.all_sums(level, frame, field)?,
                         right_hand_side: self.cpu.right_hand_side(level, frame, field)?,
-                        bent: self.cpu.bent_sums(level, frame, field, &vec![true; level.n_elements()])?,
+                        bent: self.cpu.bent_sums(
+                            level,
+                            frame,
+                            field,
+                            &(0..level.n_elements() as u32).collect::<Vec<_>>(),
+                        )?,
                     };
                     self.answers.get_or_init(|| Arc::new(answers));
                 }

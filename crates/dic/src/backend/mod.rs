@@ -516,14 +516,14 @@ pub trait Backend: Clone + Send + Sync + 'static {
         field: &Self::Field,
     ) -> Result<Found, BackendError>;
 
-    /// What a reference, made of `frame`, shows of displacements that bend within its elements, per element.
+    /// What a reference shows of displacements that bend within these elements.
     ///
     /// # Errors
     /// When the device fails.
-    fn bent_moments(&self, level: &Self::Level, frame: &Self::Frame) -> Result<Vec<BentMoments>, BackendError>;
+    fn bent_moments(&self, level: &Self::Level, elements: &[u32]) -> Result<Vec<BentMoments>, BackendError>;
 
-    /// How far the residual at the field as it is follows such displacements, per element: of those that are `wanted`,
-    /// be they out of all other sums, and of others if that is no more work.
+    /// How far the residual at the field as it is follows such displacements, for these elements, be they out of all
+    /// other sums.
     ///
     /// # Errors
     /// When the device fails.
@@ -532,7 +532,7 @@ pub trait Backend: Clone + Send + Sync + 'static {
         level: &Self::Level,
         frame: &mut Self::Frame,
         field: &Self::Field,
-        wanted: &[bool],
+        elements: &[u32],
     ) -> Result<Vec<BentSums>, BackendError>;
 
     /// What went between the host and the device for a frame, when they are two.

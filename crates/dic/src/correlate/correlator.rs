@@ -191,7 +191,7 @@ impl<B: Backend> Correlator<B> {
         let mut frame = backend.frame(reference.clone(), &kernel)?;
         let Finest { level, spread, seen, dropped, held } =
             finest_level(&backend, &mut frame, &laid, &noise, &noise_gain, &kernel, &options)?;
-        let bend_test = BendTest::new(&level.mesh, &level.pattern, &backend.bent_moments(&level.prepared, &frame)?);
+        let bend_test = BendTest::new(&level.mesh, &level.pattern, &level.moments);
         let bare_borders = bare_borders(&reference, (&laid.mesh, &level.pattern), zones, &level.keep);
         let sigma = assumed_sigma(&noise, &noise_gain, &spread, options.n_references);
         let tolerance_px = tolerance_px(&options, &level, &sigma);

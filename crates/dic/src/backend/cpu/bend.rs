@@ -16,28 +16,27 @@ const MOST: usize = 3;
 const MOST_OF_PRODUCTS: usize = 6;
 
 multiversioned! {
-    /// Sums of the `wanted` elements from `first` on; `corners`, `transfer` (gain, offset) and `sums` run over them, `light` too where there is any.
+    /// Sums of `elements`; `corners`, `transfer` (gain, offset) and `sums` run over them, `light` over all there are, where there is any.
     pub(super) fn bent_sums[S: Spline<K>, const K: usize, const L: usize][S, K, L](
-        pass: &Pass<'_, L>, first: usize, wanted: &[bool], corners: &[Corners], transfer: &[(f32, f32)], light: Option<&[Light]>, sums: &mut [BentSums],
+        pass: &Pass<'_, L>, elements: &[u32], corners: &[Corners], transfer: &[(f32, f32)], light: Option<&[Light]>, sums: &mut [BentSums],
         spline: S,
     ) => bent_sums_body
 }
 
 #[inline(always)]
-#[allow(clippy::too_many_arguments, reason = "as many as the kernel has")]
 fn bent_sums_body<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     pass: &Pass<'_, L>,
-    first: usize,
-    wanted: &[bool],
+    elements: &[u32],
     corners: &[Corners],
     transfer: &[(f32, f32)],
     light: Option<&[Light]>,
     sums: &mut [BentSums],
     _: S,
 ) {
-    for (k, sums) in sums.iter_mut().enumerate().filter(|(k, _)| wanted[*k]) {
-        let (element, lanes) = pass.element(first + k);
-        let light = light.map_or(Light::NONE, |light| light[k]);
+    for (k, sums) in sums.iter_mut().enumerate() {
+        let number = elements[k] as usize;
+        let (element, lanes) = pass.element(number);
+        let light = light.map_or(Light::NONE, |light| light[number]);
         *sums = if element.n_runs > 0 {
             sums_of_runs::<FMA, S, K, L>(pass, (element, lanes), &corners[k], &light, transfer[k])
         } else {
@@ -76,20 +75,18 @@ fn sums_of<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
             let mut row = sample_row::<FMA, S, K, L>(deformed, scalar, to, n, &ux, &uy);
             light.row::<FMA, L>(&xi, eta, &mut row.g);
             let weight = if row.all_counted { mask } else { row.counted };
+            let mut terms = [[0.0f32; L]; 2];
             for i in 0..L {
                 let difference = mul_add::<FMA>(-gain, row.g[i], f[i] - offset);
                 let r = weight[i] * difference;
-                let mut terms = [r * f32::from(fx[i]), r * f32::from(fy[i])];
-                for b in 0..=MOST {
-                    acc[0][b][i] += terms[0];
-                    acc[1][b][i] += terms[1];
-                    terms = [w * terms[0], w * terms[1]];
-                }
+                terms[0][i] = r * f32::from(fx[i]);
+                terms[1][i] = r * f32::from(fy[i]);
                 rf[i] = mul_add::<FMA>(r, f[i], rf[i]);
                 r1[i] += r;
                 rr[i] = mul_add::<FMA>(r, difference, rr[i]);
                 counted[i] += weight[i];
             }
+            add_powers(&mut acc, terms, w);
         }
         for (c, acc) in acc.iter().enumerate() {
             for (of, &[a, b]) in sums.along[c * POWERS.len()..][..POWERS.len()].iter_mut().zip(&POWERS) {
@@ -102,6 +99,23 @@ fn sums_of<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
         sums.n += f64::from(total(&counted));
     }
     sums
+}
+
+/// Adds the terms times each power of w. Lanes are the innermost loop, or the compiler makes no vectors of it.
+#[inline(always)]
+fn add_powers<const P: usize, const B: usize, const L: usize>(
+    acc: &mut [[[f32; L]; B]; P],
+    mut terms: [[f32; L]; P],
+    w: f32,
+) {
+    for (acc, terms) in acc.iter_mut().zip(&mut terms) {
+        for acc in acc.iter_mut() {
+            for i in 0..L {
+                acc[i] += terms[i];
+                terms[i] *= w;
+            }
+        }
+    }
 }
 
 /// The lanes times `z^a`, added up.
@@ -152,22 +166,23 @@ fn powers_at(xi: f32, eta: f32) -> [f64; POWERS.len()] {
 }
 
 multiversioned! {
-    /// Moments of the elements from `first` on.
-    pub(super) fn bent_moments[const L: usize][L](reference: &Reference, first: usize, moments: &mut [BentMoments]) => bent_moments_body
+    /// Moments of `elements`.
+    pub(super) fn bent_moments[const L: usize][L](reference: &Reference, elements: &[u32], moments: &mut [BentMoments]) => bent_moments_body
 }
 
 #[inline(always)]
 fn bent_moments_body<const FMA: bool, const L: usize>(
     reference: &Reference,
-    first: usize,
+    elements: &[u32],
     moments: &mut [BentMoments],
 ) {
-    for (k, moments) in moments.iter_mut().enumerate() {
-        if reference.elements[first + k].n_runs > 0 {
-            *moments = moments_of_runs::<L>(reference, first + k);
+    for (&number, moments) in elements.iter().zip(moments) {
+        let number = number as usize;
+        if reference.elements[number].n_runs > 0 {
+            *moments = moments_of_runs::<L>(reference, number);
             continue;
         }
-        *moments = moments_of::<FMA, L>(reference, first + k);
+        *moments = moments_of::<FMA, L>(reference, number);
         let unit = f64::from(reference.unit);
         moments.gradient.as_flattened_mut().iter_mut().for_each(|sum| *sum *= unit * unit);
         moments.grey.as_flattened_mut().iter_mut().for_each(|sum| *sum *= unit);
@@ -186,25 +201,16 @@ fn moments_of<const FMA: bool, const L: usize>(reference: &Reference, number: us
         let [mut ff, mut f1] = [[0.0f32; L]; 2];
         for (k, Lanes { f, fx, fy }) in lanes.iter().enumerate() {
             let w = 2.0 * mul_add::<FMA>(k as f32, element.deta, element.eta0) - 1.0;
+            let (mut products, mut powers) = ([[0.0f32; L]; 3], [[0.0f32; L]; 4]);
             for i in 0..L {
                 let (gx, gy, f) = (mask[i] * f32::from(fx[i]), mask[i] * f32::from(fy[i]), mask[i] * f[i]);
-                let mut terms = [gx * gx, gx * gy, gy * gy];
-                for b in 0..=MOST_OF_PRODUCTS {
-                    for p in 0..3 {
-                        of_products[p][b][i] += terms[p];
-                        terms[p] *= w;
-                    }
-                }
-                let mut terms = [gx * f, gy * f, gx, gy];
-                for b in 0..=MOST {
-                    for p in 0..4 {
-                        of_powers[p][b][i] += terms[p];
-                        terms[p] *= w;
-                    }
-                }
+                (products[0][i], products[1][i], products[2][i]) = (gx * gx, gx * gy, gy * gy);
+                (powers[0][i], powers[1][i], powers[2][i], powers[3][i]) = (gx * f, gy * f, gx, gy);
                 ff[i] = mul_add::<FMA>(f, f, ff[i]);
                 f1[i] += f;
             }
+            add_powers(&mut of_products, products, w);
+            add_powers(&mut of_powers, powers, w);
         }
         for (acc, sums) in of_products.iter().zip(&mut moments.gradient) {
             for a in 0..=MOST_OF_PRODUCTS {

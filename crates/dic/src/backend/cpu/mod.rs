@@ -98,28 +98,16 @@ impl CpuBackend {
         Ok((reference, narrow))
     }
 
-    fn moments_of(&self, reference: &Reference, narrow: bool) -> Vec<BentMoments> {
-        let mut moments = vec![BentMoments::default(); reference.elements.len()];
-        moments.par_chunks_mut(PIECE).enumerate().for_each(|(piece, moments)| {
+    fn moments_of(&self, reference: &Reference, narrow: bool, elements: &[u32]) -> Vec<BentMoments> {
+        let mut moments = vec![BentMoments::default(); elements.len()];
+        elements.par_chunks(PIECE).zip(moments.par_chunks_mut(PIECE)).for_each(|(elements, moments)| {
             if narrow {
-                bend::bent_moments::<8>(self.isa, reference, piece * PIECE, moments);
+                bend::bent_moments::<8>(self.isa, reference, elements, moments);
             } else {
-                bend::bent_moments::<16>(self.isa, reference, piece * PIECE, moments);
+                bend::bent_moments::<16>(self.isa, reference, elements, moments);
             }
         });
         moments
-    }
-
-    /// [`Backend::bent_moments`] of a reference that lives elsewhere.
-    #[cfg(feature = "gpu")]
-    pub(super) fn bent_moments_of(
-        &self,
-        image: Arc<Image>,
-        map: &Arc<PixelMap>,
-        options: &KernelOptions,
-    ) -> Result<Vec<BentMoments>, BackendError> {
-        let (reference, narrow) = self.prepare(&mut self.frame(image, options)?, 0, map, options)?;
-        Ok(self.moments_of(&reference, narrow))
     }
 
     /// The pixels of a reference.
@@ -295,6 +283,29 @@ fn is_excluded(excluded: &[bool], element: usize) -> bool {
     excluded.get(element).is_some_and(|&excluded| excluded)
 }
 
+/// The pixels of a reference that lives on another device, for what is done on the host.
+#[cfg(feature = "gpu")]
+#[derive(Debug)]
+pub(super) struct HostReference {
+    reference: Reference,
+    narrow: bool,
+}
+
+#[cfg(feature = "gpu")]
+impl HostReference {
+    /// Those of `map` in an image.
+    pub fn new(image: Arc<Image>, map: &Arc<PixelMap>, options: &KernelOptions) -> Result<Self, BackendError> {
+        let cpu = CpuBackend::default();
+        let (reference, narrow) = cpu.prepare(&mut cpu.frame(image, options)?, 0, map, options)?;
+        Ok(Self { reference, narrow })
+    }
+
+    /// [`Backend::bent_moments`].
+    pub fn bent_moments(&self, elements: &[u32]) -> Vec<BentMoments> {
+        CpuBackend::default().moments_of(&self.reference, self.narrow, elements)
+    }
+}
+
 /// A pass over the pixels of a level, for any interpolation.
 trait WithSpline {
     type Output;
@@ -318,41 +329,37 @@ impl WithSpline for Evaluate<'_> {
     }
 }
 
-/// What the residual of all elements follows beyond their field.
+/// What the residual of elements follows beyond their field.
 struct Bend<'a> {
     level: &'a CpuLevel,
     isa: Isa,
     deformed: &'a Plane,
     field: &'a CpuField,
-    wanted: &'a [bool],
+    elements: &'a [u32],
 }
 
 impl WithSpline for Bend<'_> {
     type Output = Vec<BentSums>;
 
     fn run<S: Spline<K>, const K: usize, const L: usize>(self, spline: S) -> Vec<BentSums> {
-        let Self { level, isa, deformed, field, wanted } = self;
+        let Self { level, isa, deformed, field, elements } = self;
         let pass = &Pass::<L>::new(isa, &level.reference, deformed);
-        let mut sums = vec![BentSums::default(); level.mesh.n_elements()];
-        parts::for_each(sums.chunks_mut(PIECE).enumerate().collect(), |(piece, sums)| {
-            let first = piece * PIECE;
-            let elements = first..first + sums.len();
-            let wanted = &wanted[elements.clone()];
-            if !wanted.contains(&true) {
-                return;
+        let light = field.light.as_deref();
+        let corners_of = |&element: &u32| {
+            Corners::new(level.mesh.elements()[element as usize].map(|node| field.displacement[node as usize]))
+        };
+        let transfer_of = |&element: &u32| {
+            if level.own_transfer() {
+                return field.element_transfer[element as usize];
             }
-            let at = |nodes: &[u32; 4]| Corners::new(nodes.map(|node| field.displacement[node as usize]));
-            let corners: Vec<Corners> = level.mesh.elements()[elements.clone()].iter().map(at).collect();
-            let light = field.light.as_deref().map(|light| &light[elements.clone()]);
-            let of_zone = |zone: &u32| {
-                let GreyTransfer { gain, offset } = field.transfer[*zone as usize];
-                (gain as f32, offset as f32)
-            };
-            let transfer: Vec<(f32, f32)> = match level.own_transfer() {
-                true => field.element_transfer[elements].to_vec(),
-                false => level.mesh.element_zone()[elements].iter().map(of_zone).collect(),
-            };
-            bend::bent_sums::<S, K, L>(isa, pass, first, wanted, &corners, &transfer, light, sums, spline);
+            let GreyTransfer { gain, offset } = field.transfer[level.mesh.element_zone()[element as usize] as usize];
+            (gain as f32, offset as f32)
+        };
+        let mut sums = vec![BentSums::default(); elements.len()];
+        parts::for_each(sums.chunks_mut(PIECE).zip(elements.chunks(PIECE)).collect(), |(sums, elements)| {
+            let corners: Vec<Corners> = elements.iter().map(corners_of).collect();
+            let transfer: Vec<(f32, f32)> = elements.iter().map(transfer_of).collect();
+            bend::bent_sums::<S, K, L>(isa, pass, elements, &corners, &transfer, light, sums, spline);
         });
         sums
     }
@@ -828,8 +835,8 @@ impl Backend for CpuBackend {
         Ok(())
     }
 
-    fn bent_moments(&self, level: &CpuLevel, _: &CpuFrame) -> Result<Vec<BentMoments>, BackendError> {
-        Ok(self.moments_of(&level.reference, level.narrow))
+    fn bent_moments(&self, level: &CpuLevel, elements: &[u32]) -> Result<Vec<BentMoments>, BackendError> {
+        Ok(self.moments_of(&level.reference, level.narrow, elements))
     }
 
     fn bent_sums(
@@ -837,10 +844,10 @@ impl Backend for CpuBackend {
         level: &CpuLevel,
         frame: &mut CpuFrame,
         field: &CpuField,
-        wanted: &[bool],
+        elements: &[u32],
     ) -> Result<Vec<BentSums>, BackendError> {
         let deformed = frame.coefficients(self, level.level)?;
-        Ok(level.with_spline(Bend { level, isa: self.isa, deformed, field, wanted }))
+        Ok(level.with_spline(Bend { level, isa: self.isa, deformed, field, elements }))
     }
 
     fn read_field(&self, level: &CpuLevel, _: &mut CpuFrame, field: &CpuField) -> Result<Found, BackendError> {

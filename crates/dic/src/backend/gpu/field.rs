@@ -12,6 +12,7 @@ use crate::backend::{Ahead, BackendError, ElementMatch, Found, GreyTransfer, Pix
 use crate::field::Brightness;
 use bytemuck::bytes_of;
 use std::collections::VecDeque;
+use std::sync::OnceLock;
 
 /// A displacement field under iteration, on the device.
 #[derive(Debug)]
@@ -56,6 +57,8 @@ pub struct GpuField {
     last_report: usize,
     /// What has been found, as it came with the last batch; empty where it has not.
     found: Vec<u8>,
+    /// What the residual follows beyond the field, where it has been asked.
+    bent: OnceLock<Vec<BentSums>>,
 }
 
 /// Steps of a batch at most.
@@ -133,6 +136,7 @@ impl GpuField {
             ahead: VecDeque::new(),
             last_report: 0,
             found: Vec::new(),
+            bent: OnceLock::new(),
         })
     }
 
@@ -190,6 +194,12 @@ impl GpuField {
 
     fn node_groups(&self) -> u32 {
         self.n_nodes.div_ceil(NODES_TOGETHER) as u32
+    }
+
+    /// Forgets what has been found: it is another field from now on.
+    fn forget(&mut self) {
+        self.found.clear();
+        self.bent.take();
     }
 
     /// Residual and sums of all elements.
@@ -274,7 +284,7 @@ impl GpuField {
         self.evaluate(level, &mut recorder);
         recorder.run(&self.summary(gpu, level, 0), 1);
         self.corrected = false;
-        self.found.clear();
+        self.forget();
         let bytes = recorder.fetch(&[(&self.zones, self.zone_bytes())], traffic)?;
         Ok(values::<layout::Zone>(&bytes).iter().map(of_zone).collect())
     }
@@ -328,7 +338,7 @@ impl GpuField {
         recorder: Recorder<'a>,
         traffic: &mut Traffic,
     ) -> Result<Step, BackendError> {
-        self.found.clear();
+        self.forget();
         let sizes = self.sizes(level);
         let has_none_ahead = recorder.is_timed() || by.0.device.is_none() || sizes.len() > SIZES;
         let n_ahead = if has_none_ahead { 0 } else { ahead.steps.min(BATCH - 1).min(REPORTS - 1 - self.last_report) };
@@ -503,7 +513,7 @@ impl GpuField {
         excluded: &[bool],
     ) -> Result<(), BackendError> {
         self.nothing_ahead(gpu)?;
-        self.found.clear();
+        self.forget();
         let bytes = gpu.record().fetch(&[(&self.sums, (4 * SUMS * level.mesh.n_elements()) as u64)], traffic)?;
         let mut sums = values::<f32>(&bytes);
         for (sums, &excluded) in sums.chunks_exact_mut(SUMS).zip(excluded) {
@@ -525,7 +535,7 @@ impl GpuField {
         self.corrected = false;
         self.steps = 0;
         self.ahead.clear();
-        self.found.clear();
+        self.forget();
     }
 
     /// Displacement and transfer at the start.
@@ -570,16 +580,13 @@ impl GpuField {
         Ok((sums, values::<layout::Zone>(zones).iter().map(|zone| of_zone(zone).1).collect()))
     }
 
-    /// What the residual at the field as it is follows beyond it.
-    pub(super) fn bend(
-        &self,
-        gpu: &Gpu,
-        level: &GpuLevel,
-        frame: &mut GpuFrame,
-    ) -> Result<Vec<BentSums>, BackendError> {
+    /// What the residual at the field as it is follows beyond it, per element.
+    pub(super) fn bend(&self, gpu: &Gpu, level: &GpuLevel, frame: &mut GpuFrame) -> Result<&[BentSums], BackendError> {
+        if let Some(bent) = self.bent.get() {
+            return Ok(bent);
+        }
         self.nothing_ahead(gpu)?;
-        let n_elements = level.mesh.n_elements();
-        let bytes = (size_of::<[f32; BENT_SUMS]>() * n_elements) as u64;
+        let bytes = (size_of::<[f32; BENT_SUMS]>() * level.mesh.n_elements()) as u64;
         let bent = gpu.visible(bytes, "what the elements do not follow")?;
         let light = if self.in_light { self.n_zones as u32 } else { 0 };
         let kernels = level.bend_kernels(gpu, frame, [&self.displacement, &self.transfer, &bent], light)?;
@@ -591,7 +598,7 @@ impl GpuField {
             let at = |k: usize| f64::from(sums[k]);
             BentSums { along: std::array::from_fn(at), rr: at(COLUMNS), n: at(COLUMNS + 1) }
         };
-        Ok(values::<[f32; BENT_SUMS]>(&fetched).iter().map(of_element).collect())
+        Ok(self.bent.get_or_init(|| values::<[f32; BENT_SUMS]>(&fetched).iter().map(of_element).collect()))
     }
 
     /// Sets the light of the nodes.
@@ -603,7 +610,7 @@ impl GpuField {
         light: &[GreyTransfer],
     ) -> Result<(), BackendError> {
         self.nothing_ahead(gpu)?;
-        self.found.clear();
+        self.forget();
         let light: Vec<[f32; 2]> = light.iter().map(|t| [t.gain as f32, t.offset as f32]).collect();
         let (of_zones, of_nodes) = (8 * self.n_zones as u64, size_of_val(&*light) as u64);
         let nodes = gpu.visible(of_nodes, "the light of the nodes")?;

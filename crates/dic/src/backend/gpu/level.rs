@@ -4,15 +4,17 @@ use super::device::{Bound, Buffer, Gpu, values};
 use super::layout::{self, Element, WHOLE};
 use super::plane::{GpuFrame, Reference, too_wide, windows};
 use super::shader::Kernel;
+use crate::backend::cpu::HostReference;
 use crate::backend::{
     BackendError, ElementMoments, KernelOptions, LOST_SHARE, Place, STAYS_OUT, Traffic, kept_and_back_share,
 };
 use crate::field::Brightness;
+use crate::imaging::Image;
 use crate::linalg::Pattern;
 use crate::mesh::{ElementPixels, Mesh, PixelMap, PixelMesh};
 use crate::units::Px;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Rows of the reference, and the first rows of the elements that they hold whole.
 type RowsAndElements = (Range<usize>, Range<i32>);
@@ -71,6 +73,8 @@ pub struct GpuLevel {
     pub(super) report: Buffer,
     pub(super) places: Option<Buffer>,
     shape_places: ShapePlaces,
+    image: Arc<Image>,
+    host: OnceLock<HostReference>,
 }
 
 /// Where the parts of the `shape` buffer begin.
@@ -156,6 +160,8 @@ impl GpuLevel {
             elements,
             reference,
             shape_places,
+            image: frame.host.image.clone(),
+            host: OnceLock::new(),
         };
         prepared.windows = prepared.split(gpu)?;
         let all: Vec<u32> = (0..n_elements).collect();
@@ -165,9 +171,14 @@ impl GpuLevel {
         Ok((prepared, moments))
     }
 
-    /// The pixels of its elements.
-    pub(super) fn pixels(&self) -> &Arc<PixelMap> {
-        &self.pixels
+    /// Its pixels on the host, made when first asked for.
+    pub(super) fn on_host(&self) -> Result<&HostReference, BackendError> {
+        if let Some(host) = self.host.get() {
+            return Ok(host);
+        }
+        let made = HostReference::new(self.image.clone(), &self.pixels, &self.options)?;
+        // Another thread may have been first: both are alike.
+        Ok(self.host.get_or_init(|| made))
     }
 
     /// Whether each element has a gain and offset of its own.

@@ -29,7 +29,6 @@ pub use solver::GpuSolver;
 
 use crate::backend::bend::{BentMoments, BentSums};
 use crate::backend::check::DeviceCheck;
-use crate::backend::cpu::CpuBackend;
 use crate::backend::{
     Ahead, Backend, BackendError, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions, OnDevice, PixelSums,
     Place, Step, Traffic,
@@ -355,9 +354,9 @@ impl Backend for GpuBackend {
         field.read(&self.gpu, level, &mut frame.traffic)
     }
 
-    fn bent_moments(&self, level: &GpuLevel, frame: &GpuFrame) -> Result<Vec<BentMoments>, BackendError> {
-        // Once per reference, and the device has not the words for it: on the host.
-        CpuBackend::default().bent_moments_of(frame.host.image.clone(), level.pixels(), &level.options)
+    fn bent_moments(&self, level: &GpuLevel, elements: &[u32]) -> Result<Vec<BentMoments>, BackendError> {
+        // A few times per reference: on the host.
+        Ok(level.on_host()?.bent_moments(elements))
     }
 
     fn bent_sums(
@@ -365,9 +364,10 @@ impl Backend for GpuBackend {
         level: &GpuLevel,
         frame: &mut GpuFrame,
         field: &GpuField,
-        _: &[bool],
+        elements: &[u32],
     ) -> Result<Vec<BentSums>, BackendError> {
-        field.bend(&self.gpu, level, frame)
+        let all = field.bend(&self.gpu, level, frame)?;
+        Ok(elements.iter().map(|&element| all[element as usize]).collect())
     }
 
     fn traffic(&self, frame: &GpuFrame) -> Option<Traffic> {

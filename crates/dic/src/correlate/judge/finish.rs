@@ -251,20 +251,21 @@ impl<B: Backend> Correlator<B> {
     /// What the residual follows beyond the field: of a sample, and of the elements that this makes doubtful.
     fn ask_residual(&self, frame: &mut B::Frame, field: &mut B::Field, found: &Found) -> Result<Chosen> {
         let Level { mesh, prepared, .. } = &self.levels[0];
-        let sample = self.bend_test.sample();
-        let mut sums = self.backend.bent_sums(prepared, frame, field, sample)?;
-        let chosen = self.bend_test.choose(mesh, &sums, &found.elements);
-        // A device may have given all at once.
-        let wanted: Vec<bool> = (0..sums.len()).map(|element| chosen[element] && sums[element].n == 0.0).collect();
-        if (0..sums.len()).any(|element| wanted[element] && !sample[element]) {
-            let more = self.backend.bent_sums(prepared, frame, field, &wanted)?;
-            sums.iter_mut()
-                .zip(more)
-                .zip(wanted)
-                .filter(|(_, wanted)| *wanted)
-                .for_each(|((sums, more), _)| *sums = more);
+        let mut ask = |elements: &[u32]| {
+            let unknown = self.bend_test.unknown(elements);
+            if !unknown.is_empty() {
+                self.bend_test.note(&unknown, &self.backend.bent_moments(prepared, &unknown)?);
+            }
+            self.backend.bent_sums(prepared, frame, field, elements)
+        };
+        let elements = self.bend_test.sample().to_vec();
+        let mut chosen = Chosen { sums: ask(&elements)?, elements };
+        let more = self.bend_test.choose(mesh, &chosen, &found.elements);
+        if !more.is_empty() {
+            chosen.sums.extend(ask(&more)?);
+            chosen.elements.extend(more);
         }
-        Ok(Chosen { sums, chosen })
+        Ok(chosen)
     }
 
     /// Uncertainty, marks and summary of a field, and whether it is one.

@@ -9,13 +9,14 @@
 //! A sample of the elements tells what a zone shows. Others are looked at where it shows something, or where their
 //! residual is large or beside what is lost: of a frame that is followed a fifth.
 
-use crate::backend::ElementMatch;
 use crate::backend::bend::{BentMoments, BentSums, COLUMNS, FLAT, N_PRODUCTS, POWERS, product};
+use crate::backend::{ElementMatch, ElementMoments};
 use crate::field::ModelError;
 use crate::linalg::{Pattern, Solver};
 use crate::mesh::Mesh;
 use crate::units::Px;
 use rayon::prelude::*;
+use std::sync::OnceLock;
 
 /// Columns of the fit that a bilinear field and the light can take: the gradient's components times 1, z, w, zw; f; 1.
 const TAKEN: usize = 2 * FLAT + 2;
@@ -38,12 +39,15 @@ const CUT: f64 = 3.0;
 /// Elements from which the level of F, and its spread, are those of their zone.
 const ENOUGH: usize = 16;
 /// Elements of a zone from which the sample is taken, with two neighbours each; of smaller zones all are in it.
-const SAMPLE: usize = 512;
+const SAMPLE: usize = 256;
 /// An element is looked at when the mean square of its residual is beyond the median by so many standard deviations of
-/// noise, or when its zone shows something.
+/// noise and this share, or when its zone shows something.
 const DOUBTED: f64 = 1.7;
+const LEAST_DOUBTED: f64 = 0.15;
 /// Share of the elements that may show a displacement while the residual is taken for noise.
 const WIDE: f64 = 0.1;
+/// Share of the elements up to which what they do to nodes is told by these alone: one by chance is not worth a solution.
+const FEW: f64 = 0.005;
 /// An element is named when its displacement is off by so many standard uncertainties of its nodes.
 const NAMED_SIGMAS: f64 = 1.7;
 
@@ -143,11 +147,24 @@ struct OfZone {
     coherence: [f64; MODES],
 }
 
-/// Sums of the elements that are chosen to be looked at; none where there is no field.
+/// The elements that are looked at, with their sums; none where there is no field.
 #[derive(Default)]
 pub(crate) struct Chosen {
+    pub elements: Vec<u32>,
     pub sums: Vec<BentSums>,
-    pub chosen: Vec<bool>,
+}
+
+/// What the residuals of some elements say.
+struct Looks {
+    /// Place among the others of each element of the mesh.
+    places: Vec<u32>,
+    looks: Vec<Option<Look>>,
+}
+
+impl Looks {
+    fn get(&self, element: usize) -> Option<&Look> {
+        self.looks.get(self.places[element] as usize)?.as_ref()
+    }
 }
 
 /// What a frame's residual follows beyond its field.
@@ -161,37 +178,39 @@ pub(crate) struct Bent {
 impl Bent {
     /// Whether so many elements show a displacement that the residual does not tell about the noise.
     pub fn is_wide(&self) -> bool {
+        self.share() > WIDE
+    }
+
+    fn share(&self) -> f64 {
         let n = self.not_followed.iter().filter(|px| **px > 0.0).count();
-        n as f64 > WIDE * self.not_followed.len() as f64
+        n as f64 / self.not_followed.len().max(1) as f64
     }
 }
 
 pub(crate) struct BendTest {
-    factors: Vec<Factor>,
+    /// Made when an element is first looked at.
+    factors: Vec<OnceLock<Box<Factor>>>,
     /// Pixels of each element, and mean square of a component of its gradient.
     texture: Vec<[f64; 2]>,
     /// Elements that tell what is usual in their zone, and what all of it shows.
-    in_sample: Vec<bool>,
+    sample: Vec<u32>,
     /// Per zone, neighbours along both axes of the mesh.
     pairs: Vec<[Vec<[usize; 2]>; 2]>,
 }
 
 impl BendTest {
-    pub fn new(mesh: &Mesh<Px>, pattern: &Pattern, moments: &[BentMoments]) -> Self {
-        let texture = |moments: &BentMoments| {
-            let n = moments.of_grey[2];
-            [n, 0.5 * (moments.gradient[0][0] + moments.gradient[2][0]) / n.max(1.0)]
-        };
-        let mut in_sample = vec![false; mesh.n_elements()];
+    pub fn new(mesh: &Mesh<Px>, pattern: &Pattern, moments: &[ElementMoments]) -> Self {
+        let texture = |of: &ElementMoments| [of.n, 0.5 * (of.gradient_power(0) + of.gradient_power(2)) / of.n.max(1.0)];
+        let mut sample = Vec::new();
         let of_zone = |zone: usize| {
             let elements = mesh.zone_elements(zone);
             let every = if elements.len() <= 2 * SAMPLE { 1 } else { elements.len().div_ceil(SAMPLE) };
             let mut pairs: [Vec<[usize; 2]>; 2] = Default::default();
             for element in elements.step_by(every) {
-                in_sample[element] = true;
+                sample.push(element as u32);
                 for (axis, pairs) in pairs.iter_mut().enumerate() {
                     if let Some(other) = beside(mesh, pattern, element, 1 + axis) {
-                        in_sample[other] = true;
+                        sample.push(other as u32);
                         pairs.push([element, other]);
                     }
                 }
@@ -199,56 +218,75 @@ impl BendTest {
             pairs
         };
         let pairs = (0..mesh.zones().len()).map(of_zone).collect();
-        Self {
-            factors: moments.par_iter().with_min_len(64).map(factor).collect(),
-            texture: moments.iter().map(texture).collect(),
-            in_sample,
-            pairs,
-        }
+        sample.sort_unstable();
+        sample.dedup();
+        let factors = std::iter::repeat_with(OnceLock::new).take(mesh.n_elements()).collect();
+        Self { factors, texture: moments.iter().map(texture).collect(), sample, pairs }
     }
 
     /// The elements whose residual is asked for first.
-    pub fn sample(&self) -> &[bool] {
-        &self.in_sample
+    pub fn sample(&self) -> &[u32] {
+        &self.sample
     }
 
-    /// The elements that are looked at, by the `sums` of the sample and how all have `matched`.
-    pub fn choose(&self, mesh: &Mesh<Px>, sums: &[BentSums], matched: &[ElementMatch]) -> Vec<bool> {
-        let looks = self.looks(sums, matched, &self.in_sample);
-        let mut chosen = self.in_sample.clone();
+    /// Those of `elements` whose moments are not known yet.
+    pub fn unknown(&self, elements: &[u32]) -> Vec<u32> {
+        elements.iter().copied().filter(|&element| self.factors[element as usize].get().is_none()).collect()
+    }
+
+    /// Notes the moments of `elements`.
+    pub fn note(&self, elements: &[u32], moments: &[BentMoments]) {
+        let made: Vec<Box<Factor>> = moments.par_iter().with_min_len(64).map(|of| Box::new(factor(of))).collect();
+        for (&element, factor) in elements.iter().zip(made) {
+            // Another frame may have been first: both are alike.
+            let _ = self.factors[element as usize].set(factor);
+        }
+    }
+
+    /// The elements beside the sample that are looked at, by what that says and how all have `matched`.
+    pub fn choose(&self, mesh: &Mesh<Px>, sample: &Chosen, matched: &[ElementMatch]) -> Vec<u32> {
+        let looks = self.looks(sample, matched);
         let mut beside_lost = vec![false; mesh.n_nodes()];
         for (element, nodes) in mesh.elements().iter().enumerate() {
             if matched[element].n == 0.0 && self.texture[element][0] > 0.0 {
                 nodes.iter().for_each(|&node| beside_lost[node as usize] = true);
             }
         }
+        let square = |element: usize| matched[element].residual_rms.powi(2);
+        let counts = |element: &usize| matched[*element].n > 0.0;
+        let mut chosen = Vec::new();
         for zone in 0..mesh.zones().len() {
-            let square = |element: usize| matched[element].residual_rms.powi(2);
-            let counts = |element: &usize| matched[*element].n > 0.0;
-            let mut squares: Vec<f64> =
-                mesh.zone_elements(zone).filter(|e| self.in_sample[*e] && counts(e)).map(square).collect();
+            let in_zone = mesh.zone_elements(zone);
+            let of_sample = self.sample.iter().map(|&element| element as usize).filter(|e| in_zone.contains(e));
+            let mut squares: Vec<f64> = of_sample.filter(counts).map(square).collect();
             squares.sort_by(f64::total_cmp);
             let Some(&median) = squares.get(squares.len() / 2) else { continue };
             let is_bent = self.coherence(zone, &looks).iter().any(|coherence| *coherence > 0.0);
-            for element in mesh.zone_elements(zone).filter(counts) {
-                let most = median * (1.0 + DOUBTED * (2.0 / matched[element].n).sqrt());
+            for element in in_zone.filter(counts) {
+                let most = median * (1.0 + (DOUBTED * (2.0 / matched[element].n).sqrt()).max(LEAST_DOUBTED));
                 let is_beside = || mesh.elements()[element].iter().any(|&node| beside_lost[node as usize]);
-                chosen[element] |= is_bent || square(element) > most || is_beside();
+                let is_in_sample = || looks.places[element] != u32::MAX;
+                if (is_bent || square(element) > most || is_beside()) && !is_in_sample() {
+                    chosen.push(element as u32);
+                }
             }
         }
         chosen
     }
 
-    /// What the residuals of the `chosen` elements say.
-    fn looks(&self, sums: &[BentSums], matched: &[ElementMatch], chosen: &[bool]) -> Vec<Option<Look>> {
-        let look = |(at, sums): (usize, &BentSums)| {
-            if chosen[at] && matched[at].n > 0.0 { self.look(at, sums) } else { None }
+    fn looks(&self, Chosen { elements, sums }: &Chosen, matched: &[ElementMatch]) -> Looks {
+        let look = |(&element, sums): (&u32, &BentSums)| match matched[element as usize].n > 0.0 {
+            true => self.look(element as usize, sums),
+            false => None,
         };
-        sums.par_iter().enumerate().with_min_len(256).map(look).collect()
+        let looks = elements.par_iter().zip(sums).with_min_len(64).map(look).collect();
+        let mut places = vec![u32::MAX; matched.len()];
+        elements.iter().zip(0..).for_each(|(&element, place)| places[element as usize] = place);
+        Looks { places, looks }
     }
 
     fn look(&self, element: usize, sums: &BentSums) -> Option<Look> {
-        let (l, [n_all, gradient]) = (&self.factors[element], self.texture[element]);
+        let (l, [n_all, gradient]) = (self.factors[element].get()?, self.texture[element]);
         // Of what has left the image the columns are others.
         if sums.n < n_all - 0.5 || sums.n == 0.0 {
             return None;
@@ -268,7 +306,7 @@ impl BendTest {
         }
         let noise = (sums.rr - y.iter().map(|y| y * y).sum::<f64>()) / rest;
         let along = std::array::from_fn(|k| y[TAKEN + k] / noise.sqrt());
-        let coefficients = self.coefficients(element, &std::array::from_fn(|k| y[TAKEN + k]));
+        let coefficients = coefficients(l, &std::array::from_fn(|k| y[TAKEN + k]));
         let size = std::array::from_fn(|k| coefficients[TAKEN + k]);
         let look = Look { along, size, freedom: [n_bent as f64, rest], unit: noise / (sums.n * gradient) };
         (noise > 0.0 && look.unit.is_finite() && look.f().is_finite()).then_some(look)
@@ -276,40 +314,41 @@ impl BendTest {
 
     /// What the residual of a frame, whose normal equations `solver` solves, follows beyond its field; elements of which
     /// nothing has `matched` are left out.
-    pub fn test(&self, mesh: &Mesh<Px>, sums: &Chosen, matched: &[ElementMatch], solver: &Solver) -> Bent {
-        let Chosen { sums, chosen } = sums;
-        if sums.is_empty() {
-            return Bent { not_followed: vec![0.0; mesh.n_elements()], nodes: vec![[0.0; 2]; mesh.n_nodes()] };
+    pub fn test(&self, mesh: &Mesh<Px>, chosen: &Chosen, matched: &[ElementMatch], solver: &Solver) -> Bent {
+        let mut bent = Bent { not_followed: vec![0.0; mesh.n_elements()], nodes: vec![[0.0; 2]; mesh.n_nodes()] };
+        if chosen.elements.is_empty() {
+            return bent;
         }
-        let looks = self.looks(sums, matched, chosen);
+        let looks = self.looks(chosen, matched);
         let zones: Vec<OfZone> = (0..mesh.zones().len()).map(|zone| self.of_zone(mesh, zone, &looks)).collect();
-        let mut not_followed = vec![0.0; mesh.n_elements()];
-        let mut by_residual = vec![[0.0; 2]; mesh.n_nodes()];
-        for (element, look) in looks.iter().enumerate() {
-            let Some(look) = look else { continue };
+        let by_residual = &mut bent.nodes;
+        for (element, nodes) in mesh.elements().iter().enumerate() {
+            let (Some(look), Some(l)) = (looks.get(element), self.factors[element].get()) else { continue };
             let zone = &zones[mesh.element_zone()[element] as usize];
             let share = zone.shares(look);
             let square: f64 = look.along.iter().zip(share).map(|(along, share)| share * along * along).sum();
             if square == 0.0 {
                 continue;
             }
-            not_followed[element] = (square * look.unit).sqrt();
-            for (&node, own) in
-                mesh.elements()[element].iter().zip(self.at_corners(element, sums[element].n, look, share))
-            {
+            bent.not_followed[element] = (square * look.unit).sqrt();
+            // Its own noise, as all of its residual is in units of that.
+            let noise = (look.unit * self.texture[element].iter().product::<f64>()).sqrt();
+            let along = std::array::from_fn(|k| share[k] * look.along[k] * noise);
+            for (&node, own) in nodes.iter().zip(at_corners(l, &along)) {
                 (0..2).for_each(|c| by_residual[node as usize][c] += own[c]);
             }
         }
-        let any = not_followed.iter().any(|px| *px > 0.0);
         solver.matrix().held().iter().for_each(|&node| by_residual[node as usize] = [0.0; 2]);
-        let nodes = if any { solver.solve(by_residual) } else { by_residual };
-        Bent { not_followed, nodes }
+        let rhs = std::mem::take(&mut bent.nodes);
+        bent.nodes = if bent.share() > FEW { solver.solve(rhs) } else { by_diagonal(solver, rhs) };
+        bent
     }
 
     /// What is usual in a zone, by the sample.
-    fn of_zone(&self, mesh: &Mesh<Px>, zone: usize, looks: &[Option<Look>]) -> OfZone {
-        let seen: Vec<&Look> =
-            mesh.zone_elements(zone).filter(|e| self.in_sample[*e]).filter_map(|e| looks[e].as_ref()).collect();
+    fn of_zone(&self, mesh: &Mesh<Px>, zone: usize, looks: &Looks) -> OfZone {
+        let in_zone = mesh.zone_elements(zone);
+        let of_sample = self.sample.iter().map(|&element| element as usize).filter(|e| in_zone.contains(e));
+        let seen: Vec<&Look> = of_sample.filter_map(|element| looks.get(element)).collect();
         let coherence = self.coherence(zone, looks);
         let mut of = OfZone { level: 1.0, spread: 1.0, coherence };
         if seen.len() < ENOUGH {
@@ -334,8 +373,8 @@ impl BendTest {
 
     /// Correlation of the modes between neighbouring elements of a zone, along one axis of the mesh or the other; 0
     /// where it is below [`COHERENT`].
-    fn coherence(&self, zone: usize, looks: &[Option<Look>]) -> [f64; MODES] {
-        let both = |&[a, b]: &[usize; 2]| Some([looks[a].as_ref()?, looks[b].as_ref()?]);
+    fn coherence(&self, zone: usize, looks: &Looks) -> [f64; MODES] {
+        let both = |&[a, b]: &[usize; 2]| Some([looks.get(a)?, looks.get(b)?]);
         let pairs = self.pairs[zone].each_ref().map(|pairs| pairs.iter().filter_map(both).collect::<Vec<_>>());
         let of_mode = |mode: usize| {
             let mut sizes: Vec<f64> = pairs.iter().flatten().map(|[look, _]| look.size[mode].abs()).collect();
@@ -353,41 +392,37 @@ impl BendTest {
         };
         std::array::from_fn(|mode| Some(of_mode(mode)).filter(|of| *of > COHERENT).unwrap_or(0.0))
     }
+}
 
-    /// Coefficients of the columns that bend, from those at right angles to each other.
-    fn coefficients(&self, element: usize, along: &[f64; MODES]) -> [f64; COLUMNS] {
-        let l = &self.factors[element];
-        let at = |i: usize, j: usize| f64::from(l[entry(i, j)]);
-        let mut v = [0.0; COLUMNS];
-        for i in (TAKEN..COLUMNS).rev() {
-            if at(i, i) > 0.0 {
-                let after: f64 = (i + 1..COLUMNS).map(|k| at(k, i) * v[k]).sum();
-                v[i] = (along[i - TAKEN] - after) / at(i, i);
-            }
+/// Coefficients of the columns that bend, from those at right angles to each other.
+fn coefficients(l: &Factor, along: &[f64; MODES]) -> [f64; COLUMNS] {
+    let at = |i: usize, j: usize| f64::from(l[entry(i, j)]);
+    let mut v = [0.0; COLUMNS];
+    for i in (TAKEN..COLUMNS).rev() {
+        if at(i, i) > 0.0 {
+            let after: f64 = (i + 1..COLUMNS).map(|k| at(k, i) * v[k]).sum();
+            v[i] = (along[i - TAKEN] - after) / at(i, i);
         }
-        v
     }
+    v
+}
 
-    /// `sum psi grad f (grad f . w)` at the corners of an element of `n` pixels, `w` the displacement that bends, by the
-    /// `share` of each mode, less what is bilinear between its values at the corners: `M e` of the error e of the nodes.
-    fn at_corners(&self, element: usize, n: f64, look: &Look, share: [f64; MODES]) -> [[f64; 2]; 4] {
-        let l = &self.factors[element];
-        let at = |i: usize, j: usize| f64::from(l[entry(i, j)]);
-        let noise = (look.unit * n * self.texture[element][1]).sqrt();
-        let along = std::array::from_fn(|k| share[k] * look.along[k] * noise);
-        let mut v = self.coefficients(element, &along);
-        for c in 0..2 {
-            for (k, [a, b]) in POWERS[FLAT..].iter().enumerate() {
-                // z^2 is 1 at all corners, z^3 is z, z^2 w is w.
-                v[c * FLAT + a % 2 + 2 * (b % 2)] -= v[TAKEN + c * BENT + k];
-            }
+/// `sum psi grad f (grad f . w)` at the corners of an element, `w` the displacement that bends, of these modes at right
+/// angles, less what is bilinear between its values at the corners: `M e` of the error e of the nodes.
+fn at_corners(l: &Factor, along: &[f64; MODES]) -> [[f64; 2]; 4] {
+    let at = |i: usize, j: usize| f64::from(l[entry(i, j)]);
+    let mut v = coefficients(l, along);
+    for c in 0..2 {
+        for (k, [a, b]) in POWERS[FLAT..].iter().enumerate() {
+            // z^2 is 1 at all corners, z^3 is z, z^2 w is w.
+            v[c * FLAT + a % 2 + 2 * (b % 2)] -= v[TAKEN + c * BENT + k];
         }
-        let turned: [f64; COLUMNS] = std::array::from_fn(|j| (j..COLUMNS).map(|i| at(i, j) * v[i]).sum());
-        let product = |i: usize| (0..=i).map(|j| at(i, j) * turned[j]).sum::<f64>();
-        let by_power: [[f64; FLAT]; 2] = [0, 1].map(|c| std::array::from_fn(|k| product(c * FLAT + k)));
-        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
-            .map(|[z, w]| by_power.map(|[one, by_z, by_w, by_zw]| 0.25 * (one + z * by_z + w * by_w + z * w * by_zw)))
     }
+    let turned: [f64; COLUMNS] = std::array::from_fn(|j| (j..COLUMNS).map(|i| at(i, j) * v[i]).sum());
+    let product = |i: usize| (0..=i).map(|j| at(i, j) * turned[j]).sum::<f64>();
+    let by_power: [[f64; FLAT]; 2] = [0, 1].map(|c| std::array::from_fn(|k| product(c * FLAT + k)));
+    [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+        .map(|[z, w]| by_power.map(|[one, by_z, by_w, by_zw]| 0.25 * (one + z * by_z + w * by_w + z * w * by_zw)))
 }
 
 /// Whether each element is to be named: its displacement is off by more than a few `sigma` of its nodes, by what bends
@@ -428,6 +463,16 @@ fn beside(mesh: &Mesh<Px>, pattern: &Pattern, element: usize, side: usize) -> Op
         *other != element && [of_other[(side + 2) % 4], of_other[(side + 3) % 4]] == [b, a]
     };
     pattern.elements_of(a as usize).iter().map(|&(other, _)| other as usize).find(shares)
+}
+
+/// The solution of the equations of each node by itself.
+fn by_diagonal(solver: &Solver, mut rhs: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    for (node, b) in rhs.iter_mut().enumerate().filter(|(_, b)| **b != [0.0; 2]) {
+        let [xx, xy, yy] = solver.data().diagonal(node);
+        let det = xx * yy - xy * xy;
+        *b = if det > 0.0 { [(yy * b[0] - xy * b[1]) / det, (xx * b[1] - xy * b[0]) / det] } else { [0.0; 2] };
+    }
+    rhs
 }
 
 /// The standard normal deviate of a variable F of `a` and `b` degrees of freedom (Paulson 1942).

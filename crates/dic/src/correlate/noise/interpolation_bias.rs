@@ -11,8 +11,9 @@ use std::f64::consts::PI;
 
 /// Pixels of a piece of a row whose spectrum is taken, the most that a zone holds.
 const LENGTHS: [usize; 3] = [64, 32, 16];
-/// Rows of a zone that are taken, at most.
-const ROWS: usize = 192;
+/// Rows of a zone that are taken, and pieces of a row, at most.
+const ROWS: usize = 32;
+const PIECES: usize = 16;
 /// Fractions of a pixel that are tabulated, and as many mirrored: `b(1 - t) = -b(t)`.
 const FRACTIONS: usize = 32;
 /// Pixels on either side that a cardinal spline reaches, but for 1e-6.
@@ -76,7 +77,9 @@ fn power_spectrum(image: &Image, mesh: &Mesh<Px>, axis: usize, length: usize, no
         let across = 1 - axis;
         let step = (to[across].saturating_sub(from[across])).div_ceil(ROWS).max(1);
         for row in (from[across]..to[across]).step_by(step) {
-            for first in (from[axis]..(to[axis] + 1).saturating_sub(length)).step_by(length / 2) {
+            let starts = from[axis]..(to[axis] + 1).saturating_sub(length);
+            let apart = starts.len().div_ceil(PIECES).max(length / 2);
+            for first in starts.step_by(apart) {
                 let grey = |k: usize| match axis {
                     0 => f64::from(image.grey(first + k, row)),
                     _ => f64::from(image.grey(row, first + k)),
