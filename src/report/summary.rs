@@ -370,7 +370,7 @@ impl fmt::Display for Trust {
             [sigma_px.hypot(*model_error_px), *sigma_px, *model_error_px].map(|px| significant(px, 2));
         write!(
             f,
-            "displacements of nodes are known to {known} px or better (frame {frame}: standard uncertainty {sigma}, model error \
+            "displacements of nodes are known to about {known} px (frame {frame}: standard uncertainty {sigma}, model error \
              {model} px)"
         )?;
         element_size_factor
@@ -570,7 +570,7 @@ mod tests {
         let waves = Trust::of(&[frame((1, 0.01, 0.08, 100.0))]).unwrap();
         // Noise 1/0.5 as large, the model error 0.5^2: both 0.02 px.
         assert!((waves.element_size_factor.unwrap() - 0.5).abs() < 1e-12);
-        assert!(waves.to_string().contains("known to 0.081 px or better"), "{waves}");
+        assert!(waves.to_string().contains("known to about 0.081 px"), "{waves}");
         let unreadable = FrameSummary::unreadable(1, String::new(), String::new(), 0.0);
         assert_eq!(Trust::of(&[unreadable]), None);
     }

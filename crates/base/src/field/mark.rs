@@ -76,7 +76,7 @@ impl ElementMark {
     pub fn words(self) -> &'static str {
         match self {
             Self::None => "nothing",
-            Self::Misfit => "residual beyond noise",
+            Self::Misfit => "displacement not followed",
             Self::Still => "stays still while the specimen moves",
             Self::NoTexture => "no texture",
             Self::LeftImage => "left the image",

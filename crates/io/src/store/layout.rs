@@ -201,11 +201,9 @@ impl Variable {
                 "estimate of what each component of displacement_px may be off beyond noise (mesh too coarse, misfit, \
                  regularisation), beside sigma_px; NaN where not measured"
             }
-            Variable::Misfit => {
-                "displacement that the element does not follow, root mean square; 0 where its residual is not beyond noise"
-            }
+            Variable::Misfit => "displacement that the element does not follow, root mean square; 0 where none shows",
             Variable::Mark => {
-                "what is the matter with the element: 0 nothing, 1 misfit (residual beyond noise), 2 still while the specimen \
+                "what is the matter with the element: 0 nothing, 1 misfit (displacement not followed), 2 still while the specimen \
                  moves; left out of the frame: 3 no texture, 4 left the image, 5 saturated, 6 covered, torn or no match; 255 \
                  not known"
             }

@@ -123,7 +123,7 @@ pub(crate) fn is_mismatch(mark: ElementMark) -> bool {
     }
 }
 
-/// Marks the elements beside those that do not match, where less is enough: a residual beyond noise at all, or a node
+/// Marks the elements beside those that do not match, where less is enough: a displacement not followed, or a node
 /// that may be off by more than [`PULLED_SIGMAS`], since what is wrong in an element pulls at the nodes around it.
 pub(crate) fn mark_pulled_along(mesh: &Mesh<Px>, marks: &mut [ElementMark], error: &ModelError, sigma: &[[f64; 2]]) {
     let mut beside = vec![false; mesh.n_nodes()];
