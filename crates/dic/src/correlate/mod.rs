@@ -38,7 +38,7 @@ use cracks::faces::{Followed, follow_nodes};
 use error::Result;
 use judge::marks::{ImagePair, bilinear, is_mismatch, mark_pulled_along};
 use judge::screen::LEAST_LEFT;
-use noise::bend::{BendTest, Bent, Chosen, is_named};
+use noise::bend::{BendTest, Bent, Looks, is_named};
 use noise::interpolation_bias::InterpolationBias;
 use noise::misfit::{Look, MATCHED, MisfitTest, Residuals};
 use noise::model_error::MeshLines;

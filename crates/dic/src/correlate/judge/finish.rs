@@ -2,11 +2,11 @@
 
 use crate::backend::{Backend, ElementMatch, Found, GreyTransfer, PixelSums};
 use crate::correlate::{
-    Bent, Chosen, Correlation, Correlator, DeformationGradient, ENOUGH_BY_SIGMA, Elements, Followed, ImagePair,
-    Iterated, LEAST_LEFT, Level, Light, Limits, Look, MATCHED, NodalSpread, OfElement, Outcome, Own, PhotonNoise,
-    Residuals, Result, Seen, Settled, StartUsed, TOO_SLOW, ZoneResult, continue_field, factors, fill_field,
-    follow_nodes, is_named, is_suspected, iterate, lost_in_noise, mark_pulled_along, nothing, numbers, rigid,
-    spread_of,
+    Bent, Correlation, CorrelationError, Correlator, DeformationGradient, ENOUGH_BY_SIGMA, Elements, Followed,
+    ImagePair, Iterated, LEAST_LEFT, Level, Light, Limits, Look, Looks, MATCHED, NodalSpread, OfElement, Outcome, Own,
+    PhotonNoise, Residuals, Result, Seen, Settled, StartUsed, TOO_SLOW, ZoneResult, continue_field, factors,
+    fill_field, follow_nodes, is_named, is_suspected, iterate, lost_in_noise, mark_pulled_along, nothing, numbers,
+    rigid, spread_of,
 };
 use crate::field::{Brightness, ElementMark, Measurement, ModelError, Status};
 use crate::linalg::Solver;
@@ -241,38 +241,37 @@ impl<B: Backend> Correlator<B> {
         let matches = self.zone_matches(&found.zones, &found.elements);
         let status = self.judge(&outcome, &found.elements, &matches, &excluded);
         let is_as_iterated = status == Status::Converged && excluded == before;
-        let bent = match status {
+        let looks = match status {
             Status::Converged | Status::IterationLimit => self.ask_residual(frame, field, &found)?,
-            _ => Chosen::default(),
+            _ => Looks::default(),
         };
-        Ok(Settled { of: Iterated { outcome, found, light, excluded }, is_as_iterated, matches, status, bent })
+        Ok(Settled { of: Iterated { outcome, found, light, excluded }, is_as_iterated, matches, status, looks })
     }
 
     /// What the residual follows beyond the field: of a sample, and of the elements that this makes doubtful.
-    fn ask_residual(&self, frame: &mut B::Frame, field: &mut B::Field, found: &Found) -> Result<Chosen> {
-        let Level { mesh, prepared, .. } = &self.levels[0];
-        let mut ask = |elements: &[u32]| {
-            let unknown = self.bend_test.unknown(elements);
+    fn ask_residual(&self, frame: &mut B::Frame, field: &mut B::Field, found: &Found) -> Result<Looks> {
+        let (Level { mesh, prepared, .. }, test) = (&self.levels[0], &self.bend_test);
+        let mut looks = Looks::default();
+        let mut ask = |looks: &mut Looks, elements: &[u32]| {
+            let unknown = test.unknown(elements);
             if !unknown.is_empty() {
-                self.bend_test.note(&unknown, &self.backend.bent_moments(prepared, &unknown)?);
+                test.note(&unknown, &self.backend.bent_moments(prepared, &unknown)?);
             }
-            self.backend.bent_sums(prepared, frame, field, elements)
+            let sums = self.backend.bent_sums(prepared, frame, field, elements)?;
+            test.look_at(looks, elements, &sums, &found.elements);
+            Ok::<(), CorrelationError>(())
         };
-        let elements = self.bend_test.sample().to_vec();
-        let mut chosen = Chosen { sums: ask(&elements)?, elements };
-        let more = self.bend_test.choose(mesh, &chosen, &found.elements);
-        if !more.is_empty() {
-            chosen.sums.extend(ask(&more)?);
-            chosen.elements.extend(more);
-        }
-        Ok(chosen)
+        ask(&mut looks, &test.sample())?;
+        let more = test.choose(mesh, &looks, &found.elements);
+        ask(&mut looks, &more)?;
+        Ok(looks)
     }
 
     /// Uncertainty, marks and summary of a field, and whether it is one.
     pub(crate) fn measure(
         &self,
         frame: &B::Frame,
-        Settled { of: Iterated { outcome, found, light, excluded }, matches, mut status, bent, .. }: Settled<B>,
+        Settled { of: Iterated { outcome, found, light, excluded }, matches, mut status, looks, .. }: Settled<B>,
         start: StartUsed,
         coarse_iterations: usize,
     ) -> Correlation {
@@ -298,7 +297,7 @@ impl<B: Backend> Correlator<B> {
         if status == Status::IterationLimit && self.is_enough(&outcome, &made.sigma) {
             status = Status::Converged;
         }
-        let unfollowed = self.bend_test.test(mesh, &bent, &elements, self.solver_of(&outcome));
+        let unfollowed = self.bend_test.test(mesh, &looks, self.solver_of(&outcome));
         let image = self.backend.image(frame);
         let pair = ImagePair::new([&self.image, &image], mesh, &full_displacement);
         let probe = self.probe.as_ref().filter(|_| status == Status::Converged);

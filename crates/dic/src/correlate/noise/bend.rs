@@ -147,24 +147,27 @@ struct OfZone {
     coherence: [f64; MODES],
 }
 
-/// The elements that are looked at, with their sums; none where there is no field.
+/// What the residuals of the elements that are looked at say; nothing where there is no field.
 #[derive(Default)]
-pub(crate) struct Chosen {
-    pub elements: Vec<u32>,
-    pub sums: Vec<BentSums>,
-}
-
-/// What the residuals of some elements say.
-struct Looks {
-    /// Place among the others of each element of the mesh.
+pub(crate) struct Looks {
+    /// Of each element of the mesh its place among the looks, or [`NOWHERE`].
     places: Vec<u32>,
     looks: Vec<Option<Look>>,
 }
+
+const NOWHERE: u32 = u32::MAX;
 
 impl Looks {
     fn get(&self, element: usize) -> Option<&Look> {
         self.looks.get(self.places[element] as usize)?.as_ref()
     }
+}
+
+/// The elements that tell what is usual in a zone, and what all of it shows.
+struct Sample {
+    elements: Vec<u32>,
+    /// Neighbours along both axes of the mesh.
+    pairs: [Vec<[usize; 2]>; 2],
 }
 
 /// What a frame's residual follows beyond its field.
@@ -192,41 +195,40 @@ pub(crate) struct BendTest {
     factors: Vec<OnceLock<Box<Factor>>>,
     /// Pixels of each element, and mean square of a component of its gradient.
     texture: Vec<[f64; 2]>,
-    /// Elements that tell what is usual in their zone, and what all of it shows.
-    sample: Vec<u32>,
-    /// Per zone, neighbours along both axes of the mesh.
-    pairs: Vec<[Vec<[usize; 2]>; 2]>,
+    /// Per zone.
+    samples: Vec<Sample>,
 }
 
 impl BendTest {
     pub fn new(mesh: &Mesh<Px>, pattern: &Pattern, moments: &[ElementMoments]) -> Self {
         let texture = |of: &ElementMoments| [of.n, 0.5 * (of.gradient_power(0) + of.gradient_power(2)) / of.n.max(1.0)];
-        let mut sample = Vec::new();
-        let of_zone = |zone: usize| {
-            let elements = mesh.zone_elements(zone);
-            let every = if elements.len() <= 2 * SAMPLE { 1 } else { elements.len().div_ceil(SAMPLE) };
-            let mut pairs: [Vec<[usize; 2]>; 2] = Default::default();
-            for element in elements.step_by(every) {
-                sample.push(element as u32);
+        let sample = |zone: usize| {
+            let of_zone = mesh.zone_elements(zone);
+            let every = if of_zone.len() <= 2 * SAMPLE { 1 } else { of_zone.len().div_ceil(SAMPLE) };
+            let (mut elements, mut pairs): (Vec<u32>, [Vec<[usize; 2]>; 2]) = Default::default();
+            for element in of_zone.step_by(every) {
+                elements.push(element as u32);
                 for (axis, pairs) in pairs.iter_mut().enumerate() {
                     if let Some(other) = beside(mesh, pattern, element, 1 + axis) {
-                        sample.push(other as u32);
+                        elements.push(other as u32);
                         pairs.push([element, other]);
                     }
                 }
             }
-            pairs
+            elements.sort_unstable();
+            elements.dedup();
+            Sample { elements, pairs }
         };
-        let pairs = (0..mesh.zones().len()).map(of_zone).collect();
-        sample.sort_unstable();
-        sample.dedup();
-        let factors = std::iter::repeat_with(OnceLock::new).take(mesh.n_elements()).collect();
-        Self { factors, texture: moments.iter().map(texture).collect(), sample, pairs }
+        Self {
+            factors: std::iter::repeat_with(OnceLock::new).take(mesh.n_elements()).collect(),
+            texture: moments.iter().map(texture).collect(),
+            samples: (0..mesh.zones().len()).map(sample).collect(),
+        }
     }
 
     /// The elements whose residual is asked for first.
-    pub fn sample(&self) -> &[u32] {
-        &self.sample
+    pub fn sample(&self) -> Vec<u32> {
+        self.samples.iter().flat_map(|sample| &sample.elements).copied().collect()
     }
 
     /// Those of `elements` whose moments are not known yet.
@@ -243,9 +245,19 @@ impl BendTest {
         }
     }
 
-    /// The elements beside the sample that are looked at, by what that says and how all have `matched`.
-    pub fn choose(&self, mesh: &Mesh<Px>, sample: &Chosen, matched: &[ElementMatch]) -> Vec<u32> {
-        let looks = self.looks(sample, matched);
+    /// Adds to `looks` what the `sums` of `elements` say, of those of which something has `matched`.
+    pub fn look_at(&self, looks: &mut Looks, elements: &[u32], sums: &[BentSums], matched: &[ElementMatch]) {
+        let look = |(&element, sums): (&u32, &BentSums)| match matched[element as usize].n > 0.0 {
+            true => self.look(element as usize, sums),
+            false => None,
+        };
+        looks.places.resize(matched.len(), NOWHERE);
+        elements.iter().zip(looks.looks.len() as u32..).for_each(|(&at, place)| looks.places[at as usize] = place);
+        looks.looks.par_extend(elements.par_iter().zip(sums).with_min_len(64).map(look));
+    }
+
+    /// The elements beside the sample that are to be looked at, by what that says and how all have `matched`.
+    pub fn choose(&self, mesh: &Mesh<Px>, looks: &Looks, matched: &[ElementMatch]) -> Vec<u32> {
         let mut beside_lost = vec![false; mesh.n_nodes()];
         for (element, nodes) in mesh.elements().iter().enumerate() {
             if matched[element].n == 0.0 && self.texture[element][0] > 0.0 {
@@ -255,34 +267,21 @@ impl BendTest {
         let square = |element: usize| matched[element].residual_rms.powi(2);
         let counts = |element: &usize| matched[*element].n > 0.0;
         let mut chosen = Vec::new();
-        for zone in 0..mesh.zones().len() {
-            let in_zone = mesh.zone_elements(zone);
-            let of_sample = self.sample.iter().map(|&element| element as usize).filter(|e| in_zone.contains(e));
-            let mut squares: Vec<f64> = of_sample.filter(counts).map(square).collect();
+        for (zone, sample) in self.samples.iter().enumerate() {
+            let of_sample = sample.elements.iter().map(|&element| element as usize).filter(counts);
+            let mut squares: Vec<f64> = of_sample.map(square).collect();
             squares.sort_by(f64::total_cmp);
             let Some(&median) = squares.get(squares.len() / 2) else { continue };
-            let is_bent = self.coherence(zone, &looks).iter().any(|coherence| *coherence > 0.0);
-            for element in in_zone.filter(counts) {
+            let is_bent = sample.coherence(looks).iter().any(|coherence| *coherence > 0.0);
+            for element in mesh.zone_elements(zone).filter(counts) {
                 let most = median * (1.0 + (DOUBTED * (2.0 / matched[element].n).sqrt()).max(LEAST_DOUBTED));
                 let is_beside = || mesh.elements()[element].iter().any(|&node| beside_lost[node as usize]);
-                let is_in_sample = || looks.places[element] != u32::MAX;
-                if (is_bent || square(element) > most || is_beside()) && !is_in_sample() {
+                if looks.places[element] == NOWHERE && (is_bent || square(element) > most || is_beside()) {
                     chosen.push(element as u32);
                 }
             }
         }
         chosen
-    }
-
-    fn looks(&self, Chosen { elements, sums }: &Chosen, matched: &[ElementMatch]) -> Looks {
-        let look = |(&element, sums): (&u32, &BentSums)| match matched[element as usize].n > 0.0 {
-            true => self.look(element as usize, sums),
-            false => None,
-        };
-        let looks = elements.par_iter().zip(sums).with_min_len(64).map(look).collect();
-        let mut places = vec![u32::MAX; matched.len()];
-        elements.iter().zip(0..).for_each(|(&element, place)| places[element as usize] = place);
-        Looks { places, looks }
     }
 
     fn look(&self, element: usize, sums: &BentSums) -> Option<Look> {
@@ -312,15 +311,13 @@ impl BendTest {
         (noise > 0.0 && look.unit.is_finite() && look.f().is_finite()).then_some(look)
     }
 
-    /// What the residual of a frame, whose normal equations `solver` solves, follows beyond its field; elements of which
-    /// nothing has `matched` are left out.
-    pub fn test(&self, mesh: &Mesh<Px>, chosen: &Chosen, matched: &[ElementMatch], solver: &Solver) -> Bent {
+    /// What the residual of a frame, whose normal equations `solver` solves, follows beyond its field.
+    pub fn test(&self, mesh: &Mesh<Px>, looks: &Looks, solver: &Solver) -> Bent {
         let mut bent = Bent { not_followed: vec![0.0; mesh.n_elements()], nodes: vec![[0.0; 2]; mesh.n_nodes()] };
-        if chosen.elements.is_empty() {
+        if looks.places.is_empty() {
             return bent;
         }
-        let looks = self.looks(chosen, matched);
-        let zones: Vec<OfZone> = (0..mesh.zones().len()).map(|zone| self.of_zone(mesh, zone, &looks)).collect();
+        let zones: Vec<OfZone> = self.samples.iter().map(|sample| sample.usual(looks)).collect();
         let by_residual = &mut bent.nodes;
         for (element, nodes) in mesh.elements().iter().enumerate() {
             let (Some(look), Some(l)) = (looks.get(element), self.factors[element].get()) else { continue };
@@ -343,24 +340,21 @@ impl BendTest {
         bent.nodes = if bent.share() > FEW { solver.solve(rhs) } else { by_diagonal(solver, rhs) };
         bent
     }
+}
 
-    /// What is usual in a zone, by the sample.
-    fn of_zone(&self, mesh: &Mesh<Px>, zone: usize, looks: &Looks) -> OfZone {
-        let in_zone = mesh.zone_elements(zone);
-        let of_sample = self.sample.iter().map(|&element| element as usize).filter(|e| in_zone.contains(e));
-        let seen: Vec<&Look> = of_sample.filter_map(|element| looks.get(element)).collect();
-        let coherence = self.coherence(zone, looks);
+impl Sample {
+    /// What is usual in its zone.
+    fn usual(&self, looks: &Looks) -> OfZone {
+        let seen: Vec<&Look> = self.elements.iter().filter_map(|&element| looks.get(element as usize)).collect();
+        let coherence = self.coherence(looks);
         let mut of = OfZone { level: 1.0, spread: 1.0, coherence };
-        if seen.len() < ENOUGH {
+        // By the modes that are no displacement.
+        let noise: Vec<(f64, f64)> = seen.iter().map(|look| look.beside(&coherence)).collect();
+        let n_noise = noise.iter().map(|(_, n)| n).sum::<f64>() / noise.len() as f64;
+        let mut f: Vec<f64> = noise.iter().filter(|(_, n)| *n > 0.0).map(|(sum, n)| sum / n).collect();
+        if f.len() < ENOUGH {
             return of;
         }
-        // By the modes that are no displacement.
-        let n_noise = coherence.iter().filter(|coherence| **coherence == 0.0).count().max(1) as f64;
-        let noise = |look: &&Look| {
-            let terms = look.along.iter().zip(&coherence).filter(|(_, coherence)| **coherence == 0.0);
-            terms.map(|(along, _)| along * along).sum::<f64>() / n_noise
-        };
-        let mut f: Vec<f64> = seen.iter().map(noise).collect();
         f.sort_by(f64::total_cmp);
         let quantile = |share: f64| f[(share * (f.len() - 1) as f64) as usize];
         let rest = seen.iter().map(|look| look.freedom[1]).sum::<f64>() / seen.len() as f64;
@@ -371,11 +365,11 @@ impl BendTest {
         of
     }
 
-    /// Correlation of the modes between neighbouring elements of a zone, along one axis of the mesh or the other; 0
-    /// where it is below [`COHERENT`].
-    fn coherence(&self, zone: usize, looks: &Looks) -> [f64; MODES] {
+    /// Correlation of the modes between neighbouring elements, along one axis of the mesh or the other; 0 where it is
+    /// below [`COHERENT`].
+    fn coherence(&self, looks: &Looks) -> [f64; MODES] {
         let both = |&[a, b]: &[usize; 2]| Some([looks.get(a)?, looks.get(b)?]);
-        let pairs = self.pairs[zone].each_ref().map(|pairs| pairs.iter().filter_map(both).collect::<Vec<_>>());
+        let pairs = self.pairs.each_ref().map(|pairs| pairs.iter().filter_map(both).collect::<Vec<_>>());
         let of_mode = |mode: usize| {
             let mut sizes: Vec<f64> = pairs.iter().flatten().map(|[look, _]| look.size[mode].abs()).collect();
             sizes.sort_by(f64::total_cmp);
@@ -439,6 +433,13 @@ pub(crate) fn is_named(mesh: &Mesh<Px>, error: &ModelError, sigma: &[[f64; 2]]) 
 }
 
 impl Look {
+    /// Sum of squares along the columns that are no displacement, and their number. Of a column that its texture does not
+    /// tell from others there is exactly nothing.
+    fn beside(&self, coherence: &[f64; MODES]) -> (f64, f64) {
+        let noise = self.along.iter().zip(coherence).filter(|(along, coherence)| **coherence == 0.0 && **along != 0.0);
+        noise.fold((0.0, 0.0), |(sum, n), (along, _)| (sum + along * along, n + 1.0))
+    }
+
     /// Mean square along the columns that bend, over that of the rest.
     fn f(&self) -> f64 {
         self.along.iter().map(|v| v * v).sum::<f64>() / self.freedom[0]

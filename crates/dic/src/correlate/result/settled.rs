@@ -1,7 +1,7 @@
 //! What an iteration has found, before and after it is known which elements match.
 
 use crate::backend::{Backend, Found};
-use crate::correlate::{Chosen, Light, Outcome, Start, numbers};
+use crate::correlate::{Light, Looks, Outcome, Start, numbers};
 use crate::field::Status;
 
 pub(crate) struct Iterated<B: Backend> {
@@ -33,8 +33,8 @@ pub(crate) struct Settled<B: Backend> {
     /// Per zone.
     pub matches: Vec<f64>,
     pub status: Status,
-    /// What its residual is asked.
-    pub bent: Chosen,
+    /// What its residual says of displacements that are not followed.
+    pub looks: Looks,
 }
 
 impl<B: Backend> Settled<B> {
