@@ -8,8 +8,7 @@
 #import gradient
 #import spline
 #import light
-
-override LANES: u32 = 16u;
+#import lanes
 
 @group(0) @binding(0) var<uniform> run: Pass;
 @group(0) @binding(1) var<storage, read> reference: array<u32>;
@@ -23,6 +22,7 @@ override LANES: u32 = 16u;
 
 // Ten powers for both components of the gradient, then r f, r, r^2 and the pixels.
 const QUANTITIES: u32 = 24u;
+const STRIDE: u32 = QUANTITIES;
 const POWERS: u32 = 10u;
 var<workgroup> partial: array<f32, 1536>; // QUANTITIES * 64
 
@@ -37,7 +37,8 @@ fn main(
     let at_element = group_number(group, groups) * (64u / LANES) + slot;
     let e = min(at_element, run.n_elements - 1u);
     let element = elements[e];
-    let mine = at_element < run.n_elements && element.corner.y >= run.elements_from && element.corner.y < run.elements_to;
+    let mine = at_element < run.n_elements
+        && element.corner.y >= run.elements_from && element.corner.y < run.elements_to;
     // Times 1, z, w, z w; z^2, w^2, z^3, w^3; z^2 w, z w^2.
     var flat_x = vec4<f32>(0.0);
     var flat_y = vec4<f32>(0.0);
@@ -125,16 +126,6 @@ fn main(
     }
     workgroupBarrier();
     if mine {
-        for (var k = lane; k < QUANTITIES; k += LANES) {
-            var sum = 0.0;
-            for (var i = 0u; i < LANES; i++) {
-                sum += partial[64u * k + slot * LANES + i];
-            }
-            let at = e * QUANTITIES + k;
-            if run.accumulate != 0u {
-                sum += sums[at];
-            }
-            sums[at] = sum;
-        }
+        add_up(e, slot, lane);
     }
 }

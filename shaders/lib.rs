@@ -11,7 +11,7 @@ macro_rules! texts {
 texts! {
     "bend" "border" "cg_product" "cg_update" "copy" "correct" "downsample" "gather" "gradient" "largest" "normal_matrix"
     "penalty" "prefilter" "prolong" "residual" "residual_map" "residual_runs" "summary" "tally" "unpack"
-    "shared/bilinear" "shared/cg" "shared/cubic" "shared/gradient" "shared/index" "shared/keys" "shared/light"
+    "shared/bilinear" "shared/cg" "shared/cubic" "shared/gradient" "shared/index" "shared/keys" "shared/lanes" "shared/light"
     "shared/place" "shared/q4" "shared/quintic" "shared/reduce" "shared/step" "shared/sums" "shared/tallies"
     "shared/taps4" "shared/taps6" "shared/types"
 }

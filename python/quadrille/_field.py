@@ -118,7 +118,7 @@ class Field:
         sigma = float(np.sqrt(np.mean(self.sigma[self.measured] ** 2)))
         model = 0.0 if self.model_error is None else float(np.sqrt(np.mean(self.model_error[self.measured] ** 2)))
         return (
-            f"displacements of nodes are known to about {np.hypot(sigma, model):.2g} px (standard uncertainty {sigma:.2g}, "
+            f"displacements of measured nodes are known to about {np.hypot(sigma, model):.2g} px (standard uncertainty {sigma:.2g}, "
             f"model error {model:.2g} px)"
         )
 

@@ -370,7 +370,7 @@ impl fmt::Display for Trust {
             [sigma_px.hypot(*model_error_px), *sigma_px, *model_error_px].map(|px| significant(px, 2));
         write!(
             f,
-            "displacements of nodes are known to about {known} px (frame {frame}: standard uncertainty {sigma}, model error \
+            "displacements of measured nodes are known to about {known} px (frame {frame}: standard uncertainty {sigma}, model error \
              {model} px)"
         )?;
         element_size_factor

@@ -72,18 +72,21 @@ impl Spots {
     }
 }
 
-/// An 8-bit image of `side` x `side` px of what `grey` shows at places of the image, with white noise.
-pub fn photographed(side: usize, noise: f64, seed: u64, grey: impl Fn([f64; 2]) -> f64 + Sync) -> Arc<Image> {
+/// Grey levels of `side` x `side` px of what `grey` shows at places of the image, integrated over each pixel.
+pub fn rendered(side: usize, grey: impl Fn([f64; 2]) -> f64 + Sync) -> Vec<f64> {
     use rayon::prelude::*;
     let offset = 0.5 / 3f64.sqrt();
-    let exact: Vec<f64> = (0..side * side)
-        .into_par_iter()
-        .map(|k| {
-            let [x, y] = [(k % side) as f64, (k / side) as f64];
-            let points = [[-offset, -offset], [offset, -offset], [-offset, offset], [offset, offset]];
-            points.iter().map(|[dx, dy]| grey([x + dx, y + dy])).sum::<f64>() / 4.0
-        })
-        .collect();
+    let of_pixel = |k: usize| {
+        let [x, y] = [(k % side) as f64, (k / side) as f64];
+        let points = [[-offset, -offset], [offset, -offset], [-offset, offset], [offset, offset]];
+        points.iter().map(|[dx, dy]| grey([x + dx, y + dy])).sum::<f64>() / 4.0
+    };
+    (0..side * side).into_par_iter().map(of_pixel).collect()
+}
+
+/// An 8-bit image of them, with white noise.
+pub fn photographed(side: usize, noise: f64, seed: u64, grey: impl Fn([f64; 2]) -> f64 + Sync) -> Arc<Image> {
+    let exact = rendered(side, grey);
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let pixels = exact.into_iter().map(|grey| {
         let normal: f64 = StandardNormal.sample(&mut random);

@@ -14,6 +14,7 @@ mod engine;
 mod gpu_frames;
 mod gpu_kernels;
 mod images;
+mod interpolation_bias;
 mod light;
 mod linalg;
 mod marks;

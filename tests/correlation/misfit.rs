@@ -168,6 +168,25 @@ fn a_band_narrower_than_an_element_is_named_with_its_place() {
 }
 
 #[test]
+fn a_band_in_a_mesh_that_is_only_sampled_is_named_as_well() {
+    // 1600 elements, of which less than half are in the sample, and a band in one column of forty.
+    const WIDE: usize = 672;
+    let band = Band { jump: 1.5, width: 3.0 };
+    let photographed = |motion: &Band, seed| noisy(&picture(motion, &float(WIDE, WIDE)), NOISE, seed);
+    let correlator = prepared(&photographed(&band.at(0.0), 1), &inside(WIDE, WIDE, 16), Options::default());
+    let field = solved(&correlator, &photographed(&band, 2));
+    let marks = field.marks.as_ref().unwrap();
+    let [mut named, mut false_marks] = [0usize; 2];
+    for element in (0..marks.len()).filter(|&element| marks[element] == ElementMark::Misfit) {
+        let x = field.mesh.corners(element)[0][0] + 0.5 * ELEMENT;
+        // Beside the band elements bend with it.
+        *(if (x - BAND_AT).abs() <= 1.6 * ELEMENT { &mut named } else { &mut false_marks }) += 1;
+    }
+    println!("{named} named, {false_marks} of {} marked elsewhere", marks.len());
+    assert!(named >= 38 && false_marks <= marks.len() / 50, "{named} and {false_marks}");
+}
+
+#[test]
 fn focus_that_is_lost_is_no_displacement() {
     let reference = photographed(&REST, 1);
     let shift = Translation([0.3, 0.4]);

@@ -273,7 +273,8 @@ fn study(side: usize, speckle_px: f64, cameras: &[Camera], seeds: u64, options: 
         let Outcome { z, z_white, warned, factor, neighbours, misfit, largest } =
             outcome(&scene, camera, seeds, options);
         println!(
-            "| {:<38} | {z_white:5.2} | {z:5.2} | {:5.2} {:5.2} | {largest:5.2} | {warned:2}/{seeds} | {:5.2} {:5.2} | {misfit:2}/{seeds} |",
+            "| {:<38} | {z_white:5.2} | {z:5.2} | {:5.2} {:5.2} | {largest:5.2} | {warned:2}/{seeds} | {:5.2} {:5.2} \
+             | {misfit:2}/{seeds} |",
             format!("{camera:?}"),
             factor[0],
             factor[1],

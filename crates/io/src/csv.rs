@@ -106,15 +106,16 @@ pub struct DisplacementRow {
 
 /// Writes the measured nodes of `measurement`, a row each, under the comment lines `header`.
 ///
-/// The columns are `node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px`, with a `strain` also
-/// `exx,eyy,exy` (without dimension; empty where it is not known), with a window of nodes these again over the window
-/// with their standard uncertainty (`exx_window` to `sigma_exy_window`) and, where it is known, their model error
-/// (`model_error_exx_window` to `model_error_exy_window`), and with a `pixel_size` the six in px again in mm; where they are known, `model_error_ux_px,model_error_uy_px` stand behind, then
+/// The columns are `node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px`, with a `strain` also `exx,eyy,exy`
+/// (without dimension; empty where it is not known), with a window of nodes these again over the window with their
+/// standard uncertainty (`exx_window` to `sigma_exy_window`) and, where it is known, their model error
+/// (`model_error_exx_window` to `model_error_exy_window`), and with a `pixel_size` the six in px again in mm; where
+/// they are known, `model_error_ux_px,model_error_uy_px` stand behind, then
 /// `ux_point_px,uy_point_px,sigma_ux_point_px,sigma_uy_point_px,is_point_value`, the displacement as a value at the
-/// point ([`PointField`](crate::field::PointField)), and `mark` last, the name of what is the
-/// matter with an element of the node ([`ElementMark`]). Numbers are the shortest that read back to the same bits: of
-/// 64 for positions and displacements, of 32 for standard uncertainties and strains. The frame is that of the image in
-/// both units: x to the right, **y down**. Nodes are numbered from 0; one that was not measured has no row.
+/// point ([`PointField`](crate::field::PointField)), and `mark` last, the name of what is the matter with an element of
+/// the node ([`ElementMark`]). Numbers are the shortest that read back to the same bits: of 64 for positions and
+/// displacements, of 32 for standard uncertainties and strains. The frame is that of the image in both units: x to the
+/// right, **y down**. Nodes are numbered from 0; one that was not measured has no row.
 ///
 /// ```
 /// # use quadrille_io as quadrille;

@@ -41,8 +41,8 @@ pub enum VtkError {
 /// beside the coefficient `displacement_px`; and `mark` of both, what is the matter with an element
 /// ([`ElementMark::code`]). With a `strain`, `strain_node` and `strain_element`: three components exx, eyy, exy without
 /// dimension, NaN where they are not known; with one over a window of nodes `strain_window`, `sigma_strain_window` and,
-/// where it is known, `model_error_strain_window` of the nodes. Field data: `converged`, 1 or 0, `status_code` ([`Status::code`]), and `dynamic_range_grey`. A comment
-/// at the head holds `title`, status, units and zone names.
+/// where it is known, `model_error_strain_window` of the nodes. Field data: `converged`, 1 or 0, `status_code`
+/// ([`Status::code`]), and `dynamic_range_grey`. A comment at the head holds `title`, status, units and zone names.
 ///
 /// # Errors
 /// A dynamic range that is not positive, and the errors of `out`.

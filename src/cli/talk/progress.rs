@@ -266,9 +266,7 @@ fn row(frame: &FrameSummary, paint: Paint) -> String {
 fn about_misfit(frames: &[FrameSummary]) -> Option<String> {
     let (number, most) = worst_misfit(frames)?;
     let n = frames.iter().filter(|frame| frame.misfit.is_some()).count();
-    let advice =
-        "smaller elements follow shorter waves, over a crack none do; model_error_px holds the estimated error";
-    Some(format!("{} with misfit, most in frame {number}: {most}; {advice}", plural(n, "frame")))
+    Some(format!("{} with misfit, most in frame {number}: {most}", plural(n, "frame")))
 }
 
 /// The frame with most marked elements in words, and how many have some.

@@ -57,10 +57,7 @@ impl CorrelationReport<'_> {
         let off = numbers(&|frame| frame.misfit.is_some());
         if let Some((worst, misfit)) = worst_misfit(frames) {
             let (n, n_frames, off) = (off.len(), frames.len(), list(&off));
-            warn(format!(
-                "In {n} of {n_frames} frames some elements cannot follow the displacement: {off}. Worst is frame {worst}: \
-                 {misfit}."
-            ));
+            warn(format!("{n} of {n_frames} frames have misfit: {off}. Most has frame {worst}: {misfit}."));
         }
         blocks.extend(self.summary.remarks.iter().map(Block::of_remark));
         // Of one kind are remarks of one code on one zone.

@@ -113,8 +113,8 @@ impl fmt::Display for Misfit {
         let plural = if *elements == 1 { "" } else { "s" };
         write!(
             f,
-            "misfit: {elements} element{plural} ({percent:.1} %) cannot follow the displacement, most at ({x:.0}, {y:.0}) px, where \
-             {displacement:.2} px are not followed"
+            "{elements} element{plural} ({percent:.1} %) cannot follow the displacement, by {displacement:.2} px at \
+             ({x:.0}, {y:.0}) px"
         )
     }
 }

@@ -7,7 +7,9 @@ pub const POWERS: [[usize; 2]; 10] = [[0, 0], [1, 0], [0, 1], [1, 1], [2, 0], [0
 /// How many of [`POWERS`] the field has.
 pub const FLAT: usize = 4;
 /// Columns that a residual is fitted by: the gradient's components times the powers, f and 1.
-pub const COLUMNS: usize = 22;
+pub const COLUMNS: usize = OF_GREY + 2;
+/// Where those of f and 1 are.
+pub const OF_GREY: usize = 2 * POWERS.len();
 /// The powers (a, b), a + b <= 6, that products of two of [`POWERS`] have.
 pub const N_PRODUCTS: usize = 28;
 

@@ -1,4 +1,4 @@
-//! The sums of [`BentSums`] and [`BentMoments`]: once per frame, and once per reference.
+//! The sums of [`BentSums`], of some elements of a frame, and of [`BentMoments`], when an element is first looked at.
 
 use super::corners::{Brings, Corners, Light, row_displacement};
 use super::lanes::Lanes;
@@ -6,7 +6,7 @@ use super::pass::{Pass, chunk, total};
 use super::reference::{Reference, parts};
 use super::residual_runs::{OfRun, of_run};
 use super::sample::{load, sample_row};
-use crate::backend::bend::{BentMoments, BentSums, N_PRODUCTS, POWERS, product};
+use crate::backend::bend::{BentMoments, BentSums, N_PRODUCTS, OF_GREY, POWERS, product};
 use crate::backend::spline::Spline;
 use crate::isa::{mul_add, multiversioned};
 use crate::mesh::ElementPixels;
@@ -16,10 +16,11 @@ const MOST: usize = 3;
 const MOST_OF_PRODUCTS: usize = 6;
 
 multiversioned! {
-    /// Sums of `elements`; `corners`, `transfer` (gain, offset) and `sums` run over them, `light` over all there are, where there is any.
+    /// Sums of `elements`; `corners`, `transfer` (gain, offset) and `sums` run over them, `light` over all there are, where
+    /// there is any.
     pub(super) fn bent_sums[S: Spline<K>, const K: usize, const L: usize][S, K, L](
-        pass: &Pass<'_, L>, elements: &[u32], corners: &[Corners], transfer: &[(f32, f32)], light: Option<&[Light]>, sums: &mut [BentSums],
-        spline: S,
+        pass: &Pass<'_, L>, elements: &[u32], corners: &[Corners], transfer: &[(f32, f32)], light: Option<&[Light]>,
+        sums: &mut [BentSums], spline: S,
     ) => bent_sums_body
 }
 
@@ -42,7 +43,7 @@ fn bent_sums_body<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>
         } else {
             sums_of::<FMA, S, K, L>(pass, (element, lanes), &corners[k], &light, transfer[k])
         };
-        sums.along[..2 * POWERS.len()].iter_mut().for_each(|sum| *sum *= f64::from(pass.unit));
+        sums.along[..OF_GREY].iter_mut().for_each(|sum| *sum *= f64::from(pass.unit));
     }
 }
 
@@ -93,8 +94,8 @@ fn sums_of<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
                 *of += times_power(&acc[b], &xi, a);
             }
         }
-        sums.along[20] += f64::from(total(&rf));
-        sums.along[21] += f64::from(total(&r1));
+        sums.along[OF_GREY] += f64::from(total(&rf));
+        sums.along[OF_GREY + 1] += f64::from(total(&r1));
         sums.rr += f64::from(total(&rr));
         sums.n += f64::from(total(&counted));
     }
@@ -151,8 +152,8 @@ fn sums_of_runs<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
                 sums.along[k] += r * f64::from(fx[i]) * power;
                 sums.along[POWERS.len() + k] += r * f64::from(fy[i]) * power;
             }
-            sums.along[20] += r * f64::from(f[i]);
-            sums.along[21] += r;
+            sums.along[OF_GREY] += r * f64::from(f[i]);
+            sums.along[OF_GREY + 1] += r;
             sums.rr += r * difference;
             sums.n += f64::from(counted[i]);
         }
@@ -167,7 +168,8 @@ fn powers_at(xi: f32, eta: f32) -> [f64; POWERS.len()] {
 
 multiversioned! {
     /// Moments of `elements`.
-    pub(super) fn bent_moments[const L: usize][L](reference: &Reference, elements: &[u32], moments: &mut [BentMoments]) => bent_moments_body
+    pub(super) fn bent_moments[const L: usize][L](reference: &Reference, elements: &[u32], moments: &mut [BentMoments])
+        => bent_moments_body
 }
 
 #[inline(always)]

@@ -589,7 +589,8 @@ impl GpuField {
         let bytes = (size_of::<[f32; BENT_SUMS]>() * level.mesh.n_elements()) as u64;
         let bent = gpu.visible(bytes, "what the elements do not follow")?;
         let light = if self.in_light { self.n_zones as u32 } else { 0 };
-        let kernels = level.bend_kernels(gpu, frame, [&self.displacement, &self.transfer, &bent], light)?;
+        let (buffers, of) = ([&self.displacement, &self.transfer, &bent], (Kernel::Bend, level.mesh.n_elements()));
+        let kernels = level.pixel_kernels(gpu, frame, buffers, light, &[of])?;
         let mut recorder = gpu.record();
         recorder.clear(&bent);
         kernels.iter().for_each(|(bound, groups)| recorder.run(bound, *groups));

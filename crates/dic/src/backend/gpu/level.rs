@@ -382,19 +382,8 @@ impl GpuLevel {
         self.pixel_kernels(gpu, frame, buffers, light, kernels)
     }
 
-    /// Those of [`GpuField::bend`](super::GpuField).
-    pub(super) fn bend_kernels(
-        &self,
-        gpu: &Gpu,
-        frame: &mut GpuFrame,
-        buffers: [&Buffer; 3],
-        light: u32,
-    ) -> Result<Vec<(Bound, u32)>, BackendError> {
-        self.pixel_kernels(gpu, frame, buffers, light, &[(Kernel::Bend, self.elements.len())])
-    }
-
     /// Kernels, each of so many elements, that read the pixels of both images.
-    fn pixel_kernels(
+    pub(super) fn pixel_kernels(
         &self,
         gpu: &Gpu,
         frame: &mut GpuFrame,

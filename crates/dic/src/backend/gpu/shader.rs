@@ -123,7 +123,8 @@ kernels! {
         Residual, of_residual, of_residual_work, "P (4 B f, 4 B gradient, 4 B coefficient) + E (64 B element, 64 B sums) + 16 B N";
     /// What the residual follows beyond the field.
     Bend = "bend": "bend" main spline, 64 [Uniform Read Read Read Read Read Write Read],
-        Other, |of| of_residual(of) + 32 * of.elements, |of| of_residual_work(of) + 40 * of.pixels, "P (4 B f, 4 B gradient, 4 B coefficient) + E (64 B element, 96 B sums) + 16 B N";
+        Other, |of| of_residual(of) + 32 * of.elements, |of| of_residual_work(of) + 40 * of.pixels,
+        "P (4 B f, 4 B gradient, 4 B coefficient) + E (64 B element, 96 B sums) + 16 B N";
     /// Gain and offset of every element.
     Fit = "fit": "tally" fit, 64 [Uniform Read Read Write Write Write],
         Residual, |of| 80 * of.elements, |of| 40 * of.elements, "E (64 B sums, 16 B of the reference)";

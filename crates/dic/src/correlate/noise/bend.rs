@@ -9,7 +9,7 @@
 //! A sample of the elements tells what a zone shows. Others are looked at where it shows something, or where their
 //! residual is large or beside what is lost: of a frame that is followed a fifth.
 
-use crate::backend::bend::{BentMoments, BentSums, COLUMNS, FLAT, N_PRODUCTS, POWERS, product};
+use crate::backend::bend::{BentMoments, BentSums, COLUMNS, FLAT, N_PRODUCTS, OF_GREY, POWERS, product};
 use crate::backend::{ElementMatch, ElementMoments};
 use crate::field::ModelError;
 use crate::linalg::{Pattern, Solver};
@@ -55,7 +55,7 @@ const NAMED_SIGMAS: f64 = 1.7;
 const fn column(at: usize) -> usize {
     match at {
         0..TAKEN if at < 2 * FLAT => at / FLAT * POWERS.len() + at % FLAT,
-        0..TAKEN => 2 * POWERS.len() + at - 2 * FLAT,
+        0..TAKEN => OF_GREY + at - 2 * FLAT,
         _ => (at - TAKEN) / BENT * POWERS.len() + FLAT + (at - TAKEN) % BENT,
     }
 }
@@ -66,7 +66,7 @@ const PLACES: [[u8; COLUMNS]; COLUMNS] = places();
 
 const fn place(a: usize, b: usize) -> usize {
     let (a, b) = if a < b { (a, b) } else { (b, a) };
-    let (n, grey) = (POWERS.len(), 2 * POWERS.len());
+    let (n, grey) = (POWERS.len(), OF_GREY);
     if b < grey {
         let ([ka, la], [kb, lb]) = (POWERS[a % n], POWERS[b % n]);
         (a / n + b / n) * N_PRODUCTS + product(ka + kb, la + lb)

@@ -16,7 +16,7 @@ const ROWS: usize = 32;
 const PIECES: usize = 16;
 /// Fractions of a pixel that are tabulated, and as many mirrored: `b(1 - t) = -b(t)`.
 const FRACTIONS: usize = 32;
-/// Pixels on either side that a cardinal spline reaches, but for 1e-6.
+/// Pixels on either side that a cardinal spline reaches, but for 4e-5 of the quintic one.
 const REACH: i32 = 12;
 
 /// Size of the bias for displacements along x and y over the fraction of a pixel.
@@ -26,8 +26,9 @@ impl InterpolationBias {
     /// Of a reference whose white noise has the standard deviation `noise`, grey levels.
     pub fn new(image: &Image, mesh: &Mesh<Px>, interpolation: Interpolation, noise: f64) -> Self {
         let waves = |k: usize, length: usize| PI * k as f64 / (length / 2) as f64;
-        let gradient =
-            |w: f64| (-REACH..=REACH).map(|k| interpolation.gradient_weight(k) * (w * f64::from(k)).sin()).sum::<f64>();
+        let of_gradient: Vec<(f64, f64)> =
+            (-REACH..=REACH).map(|k| (f64::from(k), interpolation.gradient_weight(k))).collect();
+        let gradient = |w: f64| of_gradient.iter().map(|(k, weight)| weight * (w * k).sin()).sum::<f64>();
         let spectra = [0, 1].map(|axis| {
             let power = LENGTHS.into_iter().find_map(|length| power_spectrum(image, mesh, axis, length, noise));
             let power = power.unwrap_or_default();
