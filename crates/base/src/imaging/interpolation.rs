@@ -121,6 +121,16 @@ impl Interpolation {
     }
 
     /// Weight, in the reference gradient along an axis, of the pixel `k` px away.
+    ///
+    /// ```
+    /// # use quadrille_base as quadrille;
+    /// use quadrille::imaging::Interpolation;
+    /// for kernel in [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys] {
+    ///     // Of grey levels that rise by one per pixel it is one.
+    ///     let slope: f64 = (-30..=30).map(|k| f64::from(k) * kernel.gradient_weight(k)).sum();
+    ///     assert!((slope - 1.0).abs() < 1e-8, "{kernel:?}: {slope}");
+    /// }
+    /// ```
     pub fn gradient_weight(self, k: i32) -> f64 {
         let h = 1e-5; // central difference of a C1 function: error h^2, round-off 1e-11
         match self {
@@ -128,7 +138,7 @@ impl Interpolation {
             Interpolation::Keys | Interpolation::Bilinear => {
                 [0.0, 0.5 * f64::from(k.signum())][usize::from(k.abs() == 1)]
             }
-            _ => (self.cardinal(f64::from(k) + h) - self.cardinal(f64::from(k) - h)) / (2.0 * h),
+            _ => (self.cardinal(f64::from(k) - h) - self.cardinal(f64::from(k) + h)) / (2.0 * h),
         }
     }
 
