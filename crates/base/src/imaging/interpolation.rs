@@ -14,7 +14,7 @@ pub enum Interpolation {
     /// Cubic B-spline through the grey levels (exact recursive prefilter); the default.
     #[default]
     Cubic,
-    /// Quintic B-spline through the grey levels: the smallest bias, about twice the work.
+    /// Quintic B-spline through the grey levels: the smallest bias, a tenth more time.
     Quintic,
     /// Keys' cubic convolution (a = -1/2).
     Keys,
