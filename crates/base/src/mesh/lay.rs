@@ -131,6 +131,9 @@ impl PixelMesh {
     }
 }
 
+/// What a length may lack of a whole number of elements, px: numbers that were computed are not exact.
+const ROUND_OFF_PX: f64 = 1e-6;
+
 fn lattice(zone: &Zone, size: usize, share: f64, image: [usize; 2]) -> Result<(Part, ZonePixels), MeshError> {
     let pixels = zone_pixels(zone, image, None)?;
     let roi = zone.bounds(image[0], image[1])?;
@@ -138,7 +141,7 @@ fn lattice(zone: &Zone, size: usize, share: f64, image: [usize; 2]) -> Result<(P
     let name = zone.name.clone();
     if zone.is_rectangle() {
         let (width, height) = (roi.x1 - roi.x0, roi.y1 - roi.y0);
-        let (nx, ny) = ((width / h).floor() as usize, (height / h).floor() as usize);
+        let [nx, ny] = [width, height].map(|length| ((length + ROUND_OFF_PX) / h).floor() as usize);
         if nx == 0 || ny == 0 {
             return Err(MeshError::TooSmall { zone: name, width, height, size });
         }
@@ -184,7 +187,10 @@ fn own_elements(zone: &Zone, own: &ZoneElements, image: [usize; 2]) -> Result<(P
 
 fn overlap(a: &Part, b: &Part) -> bool {
     let bounds = |part: &Part| part.grid.as_ref().map(|(grid, _)| grid.bounds());
-    bounds(a).zip(bounds(b)).is_some_and(|(a, b)| a.x0 < b.x1 && b.x0 < a.x1 && a.y0 < b.y1 && b.y0 < a.y1)
+    let meet = |low: f64, high: f64| low + ROUND_OFF_PX < high;
+    bounds(a)
+        .zip(bounds(b))
+        .is_some_and(|(a, b)| meet(a.x0, b.x1) && meet(b.x0, a.x1) && meet(a.y0, b.y1) && meet(b.y0, a.y1))
 }
 
 impl Mesh<Px> {
