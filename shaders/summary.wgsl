@@ -99,8 +99,11 @@ fn main(@builtin(local_invocation_index) thread: u32) {
             if summary.first != 0u {
                 zones[z].first = of_zone;
             }
-            correlation = min(correlation, of_zone);
-            gained = min(gained, of_zone - zones[z].first);
+            // A zone that is left out says nothing.
+            if n > 0.0 {
+                correlation = min(correlation, of_zone);
+                gained = min(gained, of_zone - zones[z].first);
+            }
             counted += n;
             lossy += total[8];
             zones[z].n = n;

@@ -25,7 +25,7 @@ _STRAINS = ("exx", "eyy", "exy")
 class Field:
     """What was measured on one image, on n nodes and m elements. Lengths are px of the reference image, x right, y down."""
 
-    #: ``converged``, ``iteration_limit``, ``diverged``, ``left_image`` or ``ambiguous``; use fields that converged.
+    #: ``converged``, ``iteration_limit``, ``diverged``, ``left_image``, ``ambiguous`` or ``partly_lost``.
     status: str
     #: Places of the nodes in the reference image, (n, 2), px.
     positions: NDArray[np.float64]

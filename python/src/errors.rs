@@ -34,7 +34,7 @@ impl Raised for CorrelationError {
         match self {
             Self::Mesh(_) => "ZoneError",
             Self::Option { .. } => "OptionError",
-            Self::NoTexture { .. } | Self::FaceWithoutTexture { .. } | Self::Textureless => "TextureError",
+            Self::NoTexture { .. } | Self::FaceWithoutTexture { .. } | Self::Textureless { .. } => "TextureError",
             Self::Size { .. } | Self::Constant { .. } => "ImageError",
             Self::Backend(_) => "DeviceError",
             _ => "QuadrilleError",

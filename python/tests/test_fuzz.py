@@ -17,7 +17,7 @@ VALUES = [
 ]
 KEYS = [
     "element_size_px", "elements", "element_share", "interpolation", "tolerance_px", "max_iterations", "brightness", "start", "noise", "noise_correlation",
-    "regularisation", "cutoff_px", "poisson", "strain", "strain_window", "drop_textureless", "isa", "threads", "mask", "cracks", "zones", "nonsense",
+    "regularisation", "cutoff_px", "poisson", "strain", "strain_window", "sigma_most_px", "drop_textureless", "isa", "threads", "mask", "cracks", "zones", "nonsense",
 ]
 
 

@@ -1,7 +1,7 @@
 //! What there is to say of a frame and of its image.
 
 use crate::correlate::{Ambiguity, Correlation, ZoneResult};
-use crate::field::NOISE_CONTRADICTED;
+use crate::field::{NOISE_CONTRADICTED, Status};
 use crate::imaging::{Blank, Saturation};
 use crate::remark::{About, Code, Remark};
 
@@ -15,6 +15,7 @@ pub(super) fn of_result(number: usize, result: &Correlation) -> impl Iterator<It
         result.zones.iter().filter_map(noise_contradicted).chain(result.zones.iter().filter_map(light_unsettled));
     let of_frame =
         noise_bound(number, result.nodes_at_bound).into_iter().chain(result.ambiguity.iter().map(texture_repeats));
+    let of_frame = of_frame.chain(zones_lost(number, result));
     of_zones.chain(of_frame).filter(move |_| has_field)
 }
 
@@ -92,6 +93,20 @@ fn noise_bound(number: usize, n_nodes: usize) -> Option<Remark> {
         );
         Remark::new(Code::NoiseBound, About::Frames(vec![number]), text).with("nodes", n_nodes)
     })
+}
+
+/// The zones of frame `number` that were not found while others were; `None` where all were.
+fn zones_lost(number: usize, result: &Correlation) -> Option<Remark> {
+    let lost = result.zones.iter().filter(|zone| zone.status != Status::Converged);
+    let lost: Vec<String> = lost
+        .map(|zone| match zone.status {
+            Status::LeftImage => format!("zone {} has left the image", zone.name),
+            _ => format!("zone {} was not found: it does not match anywhere", zone.name),
+        })
+        .collect();
+    let text = format!("{}; the rest is measured without it", lost.join(", "));
+    let is_said = result.measurement.status == Status::PartlyLost && !lost.is_empty();
+    is_said.then(|| Remark::new(Code::ZoneLost, About::Frames(vec![number]), text).with("zones", lost.len()))
 }
 
 fn texture_repeats(ambiguity: &Ambiguity) -> Remark {

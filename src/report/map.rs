@@ -138,6 +138,7 @@ fn cells(measurement: &Measurement<Px>, values: impl Fn(usize, &[u32; 4]) -> [f6
 pub(super) fn warnings(measurement: &Measurement<Px>, drawn: bool) -> Vec<String> {
     let ended = match measurement.status {
         Status::Converged => None,
+        Status::PartlyLost => Some("a zone or more than a third of the nodes is lost"),
         Status::IterationLimit => Some("not converged: iteration limit reached"),
         Status::Diverged => Some("diverged: this is not a measurement"),
         Status::LeftImage => Some("not converged: too much of a zone has left the image"),

@@ -3,8 +3,10 @@
 use super::words::significant;
 use super::{Name, frame_remarks, number};
 use crate::backend::Traffic;
-use crate::correlate::{Ambiguity, Correlation, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault};
-use crate::field::{Flattened, Marked, Measurement, Misfit, RigidMotion, Status};
+use crate::correlate::{
+    Ambiguity, Correlation, FixedPattern, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault,
+};
+use crate::field::{ElementMark, Flattened, Marked, Measurement, Misfit, RigidMotion, Status};
 use crate::imaging::{Blank, Saturation};
 use crate::remark::{About, Remark};
 use crate::units::Px;
@@ -144,6 +146,9 @@ pub struct FrameSummary {
     pub zones: Vec<ZoneSummary>,
     /// Nodes with a result.
     pub nodes_measured: usize,
+    /// The same, per cent of those that see texture in the reference. Absent without a field.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured_percent: Option<f64>,
     /// Nodes without one because they moved out of the image.
     pub nodes_left_image: usize,
     /// Nodes without one because their texture does not stand out of the noise that the residual shows.
@@ -185,6 +190,10 @@ pub struct FrameSummary {
     /// What the residual says of it; absent where it was not looked for, or too few whole elements are there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_colour: Option<NoiseColourSummary>,
+    /// What stays with the camera while the specimen moves: standard deviation `grey`, grey levels, and the `share` (0 to
+    /// 1) by which it draws displacements below half a pixel to zero. Absent where it does not show.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fixed_pattern: Option<FixedPattern>,
     /// The noise as it rises with the grey level, `[a, b]` of the variance `a + b grey`; absent unless asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_photon: Option<[f64; 2]>,
@@ -286,6 +295,9 @@ impl From<RigidMotion> for RigidSummary {
 pub struct ZoneSummary {
     /// Its name.
     pub name: String,
+    /// How it ended, where that is not `converged`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub status: Option<Status>,
     /// Rigid motion of its measured nodes.
     pub rigid_motion: Option<RigidSummary>,
     /// Correlation coefficient of the reference and the deformed image brought back.
@@ -403,6 +415,7 @@ impl FrameSummary {
             rigid_motion: None,
             zones: Vec::new(),
             nodes_measured: 0,
+            measured_percent: None,
             nodes_left_image: 0,
             nodes_in_noise: 0,
             nodes_at_noise_bound: 0,
@@ -417,6 +430,7 @@ impl FrameSummary {
             blank: None,
             noise_correlation_factor: None,
             noise_colour: None,
+            fixed_pattern: None,
             noise_photon: None,
             start: None,
             seconds: 0.0,
@@ -441,8 +455,11 @@ impl FrameSummary {
         // JSON has no infinity: a number that is none is left out.
         let finite = |v: f64| v.is_finite().then_some(v);
         remarks.extend(frame_remarks::of_result(number, result));
+        let nodes_measured = result.measurement.measured.iter().filter(|&&m| m).count();
+        let with_texture = reference.mesh().n_nodes().saturating_sub(reference.dropped().len());
         let zones = result.zones.iter().map(|zone| ZoneSummary {
             name: zone.name.clone(),
+            status: Some(zone.status).filter(|&status| status != Status::Converged),
             rigid_motion: zone.rigid.map(Into::into),
             correlation: zone.correlation,
             residual_grey: zone.residual_rms,
@@ -467,7 +484,8 @@ impl FrameSummary {
             residual_percent: finite(result.residual_percent),
             rigid_motion: result.rigid.map(Into::into),
             zones: zones.collect(),
-            nodes_measured: result.measurement.measured.iter().filter(|&&m| m).count(),
+            nodes_measured,
+            measured_percent: field.map(|_| 100.0 * nodes_measured as f64 / with_texture.max(1) as f64),
             nodes_left_image: result.nodes_left,
             nodes_in_noise: result.nodes_in_noise,
             nodes_at_noise_bound: result.nodes_at_bound,
@@ -482,6 +500,7 @@ impl FrameSummary {
             blank: None,
             noise_correlation_factor: (result.noise_factor != [1.0; 2]).then_some(result.noise_factor),
             noise_colour: result.noise_colour.map(Into::into),
+            fixed_pattern: result.noise_colour.and_then(|colour| colour.pattern),
             noise_photon: result.photon_noise.map(|noise| [noise.a, noise.b]),
             start: Some(result.start),
             seconds,
@@ -502,9 +521,13 @@ impl FrameSummary {
         self
     }
 
-    /// The same with what is not there of the deformed image, which is said.
+    /// The same with what is not there of the deformed image, which is said; a specimen that was found whole has only
+    /// moved off what is blank.
     pub fn with_blank(mut self, found: Option<Blank>) -> Self {
-        self.blank = found;
+        let is_lost = |marked: &Marked| marked.mark.is_left_out() && marked.mark != ElementMark::NoTexture;
+        let is_whole = self.status == Status::Converged && !self.marked.iter().any(is_lost);
+        self.blank = found.filter(|_| !is_whole);
+        let found = self.blank;
         self.remarks.extend(found.map(|blank| frame_remarks::incomplete(self.number, blank)));
         self
     }

@@ -501,10 +501,10 @@ fn stamped_tiff(desk: &Desk, name: &str, image: &Image, time: &str) {
 fn frames_whose_files_say_that_they_were_taken_at_another_time_are_named() {
     let desk = Desk::new();
     fs::create_dir(desk.path("s")).unwrap();
-    // The specimen moves too little to tell an order by.
+    // The motion is that of the times.
     for k in 0..7 {
         let second = if k == 4 { 2 } else { 2 * k };
-        let image = moved([0.01 * f64::from(k), 0.0]);
+        let image = moved([0.3 * f64::from(second), 0.0]);
         stamped_tiff(&desk, &format!("s/t_{k}.tif"), &image, &format!("2024:05:01 10:11:{second:02}"));
     }
     let line = "correlate --export none --element-size 8 --reference s/t_0.tif s/t_*.tif --output run";
@@ -514,6 +514,10 @@ fn frames_whose_files_say_that_they_were_taken_at_another_time_are_named() {
     assert_eq!((&said.about, &said.values["first_taken"]), (&About::Frames(vec![4]), &"2024-05-01T10:11:02".into()));
     assert!(said.text.contains("and frame 3, which stands before it, at 2024-05-01T10:11:06"), "{said:?}");
     assert_eq!(summary["frames"][5]["taken"], "2024-05-01T10:11:12");
+    // Times that the motion contradicts are those of a conversion.
+    stamped_tiff(&desk, "s/t_4.tif", &moved([0.3 * 8.0, 0.0]), "2024:05:01 10:11:02");
+    desk.run(&format!("{line} --overwrite")).fine();
+    assert_eq!(desk.remarks("run", Code::TimesOutOfOrder), []);
     // In the order of its times nothing is said; nor of files that have none.
     fs::remove_file(desk.path("s/t_4.tif")).unwrap();
     desk.run(&format!("{line} --overwrite")).fine();

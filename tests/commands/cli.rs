@@ -161,6 +161,7 @@ fn the_written_case_holds_every_choice_and_the_fingerprint_of_every_image() {
         noise = 1.5
         regularisation = "none"
         strain = "hencky"
+        sigma_most_px = 0.5
         drop_textureless = true
     };
     assert_eq!(case["correlation"].as_table(), Some(&options));

@@ -324,7 +324,7 @@ fn every_error_is_met_once() {
     let across = refused(&drawn(SIDE, SIDE, |x, _| (x as f32 * 0.7).sin() * 50.0), &[], &options);
     assert!(matches!(across, MetrologyError::OnlyNoise { .. }), "{across}");
     let diagonal = refused(&drawn(SIDE, SIDE, |x, y| ((x + y) as f32 * 0.5).sin() * 50.0), &[], &options);
-    let textureless = matches!(diagonal, MetrologyError::Correlation(CorrelationError::Textureless));
+    let textureless = matches!(diagonal, MetrologyError::Correlation(CorrelationError::Textureless { .. }));
     assert!(textureless, "{diagonal}");
 
     let refused_still = |image: Arc<Image>| refused(&good, &[still("b.tif", image)], &options);

@@ -139,7 +139,7 @@ fn without_colour(text: &str) -> String {
 /// The lines of the closing table of a series.
 fn table(said: &str) -> Vec<&str> {
     let lines: Vec<&str> = said.lines().collect();
-    let at = lines.iter().position(|line| line.starts_with("frame  status")).expect("a table");
+    let at = lines.iter().position(|line| line.starts_with("frame status")).expect("a table");
     let end = lines[at..].iter().position(|line| line.contains(" frames in ") || line.contains("misfit, most"));
     lines[at..at + end.expect("an end")].to_vec()
 }

@@ -63,7 +63,9 @@ fn assert_found(degrees: f64, shift: [f64; 2], zone: [f64; 4]) {
         found.iterations,
         100.0 * share
     );
-    assert_eq!(found.measurement.status, Status::Converged, "{degrees} degrees, {shift:?}");
+    // Where a third has left the image the frame is partly lost.
+    let status = if share < 2.0 / 3.0 { Status::PartlyLost } else { Status::Converged };
+    assert_eq!(found.measurement.status, status, "{degrees} degrees, {shift:?}");
     // Noise of one grey level on speckles of 90: about 0.01 px inside, several times that at nodes that keep few
     // pixels. A false match is off by a speckle.
     assert!(rms < 0.05, "{degrees} degrees, {shift:?}: {rms} px");

@@ -673,7 +673,7 @@ fn places_without_texture_are_refused_by_name_and_left_out_when_asked() {
         // The hole is a few of the nodes, which are left out unless none may be.
         let error = refusal(&reference, &zones, Options { textureless_share: 0.0, ..Options::default() });
         let message = error.to_string();
-        let CorrelationError::NoTexture { faults, n_nodes } = error else { panic!("{what}: {message}") };
+        let CorrelationError::NoTexture { faults, n_nodes, .. } = error else { panic!("{what}: {message}") };
         assert_eq!(n_nodes, 15 * 15);
         assert_faults_in_hole(&faults, what);
         let first = &faults[0];
@@ -703,10 +703,10 @@ fn places_without_texture_are_refused_by_name_and_left_out_when_asked() {
 #[track_caller]
 fn assert_textureless(image: &Arc<Image>, zones: &[Zone], options: &Options) {
     let error = refusal(image, zones, options.clone());
-    let CorrelationError::NoTexture { faults, n_nodes } = &error else { panic!("{options:?}: {error}") };
+    let CorrelationError::NoTexture { faults, n_nodes, .. } = &error else { panic!("{options:?}: {error}") };
     assert_eq!(faults.len(), *n_nodes, "{options:?}: {error}");
     let error = refusal(image, zones, Options { drop_textureless: true, ..options.clone() });
-    assert!(matches!(error, CorrelationError::Textureless), "{options:?}: {error}");
+    assert!(matches!(error, CorrelationError::Textureless { .. }), "{options:?}: {error}");
 }
 
 #[test]

@@ -29,6 +29,7 @@ mod regions;
 mod regularisation;
 mod shaders;
 mod splines;
+mod status;
 mod strain;
 mod strain_flattening;
 mod strain_gauges;

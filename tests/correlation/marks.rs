@@ -266,7 +266,7 @@ fn no_node_without_a_mark_is_more_than_five_sigma_off() {
     for scene in all() {
         let found = measured(&scene);
         let field = &found.measurement;
-        assert_eq!(field.status, Status::Converged, "{}", scene.name);
+        assert!(field.status.is_measured(), "{}: {:?}", scene.name, field.status);
         let (errors, marked) = (errors(field, &scene), is_marked(field));
         let worst = (0..errors.len()).filter(|&k| !marked[k]).filter_map(|k| errors[k]).fold(0.0, f64::max);
         assert!(worst <= 5.0, "{}: {worst} standard uncertainties, and no mark", scene.name);
@@ -281,7 +281,10 @@ fn what_is_lost_is_named_and_the_rest_is_as_good_as_without_it() {
     for scene in [block("block", 150.0), block("large block", 250.0), glare(), hole(), torn()] {
         let found = measured(&scene);
         let field = &found.measurement;
-        assert_eq!(field.status, Status::Converged, "{}", scene.name);
+        let n_measured = field.measured.iter().filter(|measured| **measured).count();
+        let is_partly = 3 * n_measured < 2 * field.measured.len();
+        let status = if is_partly { Status::PartlyLost } else { Status::Converged };
+        assert_eq!(field.status, status, "{}", scene.name);
         // Named: what has lost half of its pixels.
         let (lost, marks) = (lost_elements(field, &scene, 0.5), field.marks.as_ref().unwrap());
         let n_lost = lost.iter().filter(|&&lost| lost).count();

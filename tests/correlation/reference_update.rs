@@ -554,12 +554,18 @@ fn a_frame_that_shows_less_than_a_fifth_of_a_zone_becomes_no_reference() {
         assert!(found.nodes_left >= lost_then, "frame {}: what has left does not come back", k + 1);
         lost_then = found.nodes_left;
         // Of 14 rows of elements those below 256 - moved are gone, and when less than three are left so is the zone.
-        let status = if moved < 192.0 { Status::Converged } else { Status::LeftImage };
+        // From a third on it is partly lost.
+        let n_measured = measured.measured.iter().filter(|measured| **measured).count();
+        let status = match moved < 192.0 {
+            true if 3 * n_measured >= 2 * measured.measured.len() => Status::Converged,
+            true => Status::PartlyLost,
+            false => Status::LeftImage,
+        };
         assert!(measured.status == status || (moved - 192.0).abs() <= 16.0, "frame {}: {:?}", k + 1, measured.status);
         for (node, &[_, y]) in measured.mesh.nodes().iter().enumerate() {
             assert!(!(measured.measured[node] && y + moved > SIDE as f64 + 16.0), "frame {}: node {node}", k + 1);
         }
-        if measured.status == Status::Converged {
+        if measured.status.is_measured() {
             assert!(errors(measured, &motion.at((k + 1) as f64 / 12.0)).0 < 0.02);
         }
     }

@@ -38,6 +38,7 @@ cutoff_px = 64.5
 poisson = 0.3
 strain = "hencky"
 strain_window = 5
+sigma_most_px = 0.25
 drop_textureless = true
 
 [[zone]]
@@ -98,6 +99,7 @@ fn full() -> CaseFile {
             poisson: Some(0.3),
             strain: Some(StrainDefinition::Hencky),
             strain_window: Some(5),
+            sigma_most_px: Some(0.25),
             drop_textureless: Some(true),
         },
         zones: vec![

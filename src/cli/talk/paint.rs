@@ -51,7 +51,7 @@ impl Paint {
     pub fn status(self, status: Status, text: &str) -> String {
         match status {
             Status::Converged => self.good(text),
-            Status::IterationLimit => self.doubtful(text),
+            Status::IterationLimit | Status::PartlyLost => self.doubtful(text),
             _ => self.bad(text),
         }
     }

@@ -227,15 +227,15 @@ impl Progress {
 
 /// The head of the closing table, and the units; what it leaves out is in summary.json.
 const HEAD: [[&str; 9]; 2] = [
-    ["frame", "status", "it.", "correct.", "residual", "u_x mean", "u_y mean", "rotation", "misfit"],
-    ["", "", "", "px", "%", "px", "px", "deg", "%"],
+    ["frame", "status", "correct", "resid.", "u_x mean", "u_y mean", "rotation", "measured", "misfit"],
+    ["", "", "px", "%", "px", "px", "deg", "%", "%"],
 ];
 
 /// A line of the closing table: 80 columns.
 fn columns(cells: &[&str; 9]) -> String {
-    let [number, status, iterations, correction, residual, x, y, rotation, misfit] = cells;
+    let [number, status, correction, residual, x, y, rotation, measured, misfit] = cells;
     format!(
-        "{number:>5}  {status:15} {iterations:>3} {correction:>8} {residual:>8} {x:>9} {y:>9} {rotation:>8} {misfit:>6}"
+        "{number:>5} {status:15} {correction:>7} {residual:>7} {x:>8} {y:>8} {rotation:>8} {measured:>8} {misfit:>6}"
     )
 }
 
@@ -250,12 +250,12 @@ fn row(frame: &FrameSummary, paint: Paint) -> String {
     let line = columns(&[
         &frame.number.to_string(),
         "*",
-        &frame.iterations.to_string(),
         &frame.correction_px.map_or("-".to_owned(), |v| format!("{v:.1e}")),
-        &number(frame.residual_percent, 2, 8),
-        &number(motion.map(|m| m.translation_px[0]), 4, 9),
-        &number(motion.map(|m| m.translation_px[1]), 4, 9),
+        &number(frame.residual_percent, 2, 7),
+        &number(motion.map(|m| m.translation_px[0]), 4, 8),
+        &number(motion.map(|m| m.translation_px[1]), 4, 8),
         &number(motion.map(|m| m.rotation_deg), 4, 8),
+        &number(frame.measured_percent, 1, 8),
         &number(frame.model_error.map(|_| frame.misfit.map_or(0.0, |misfit| misfit.percent)), 1, 6),
     ]);
     // Colour has no width, but characters.

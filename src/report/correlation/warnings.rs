@@ -24,6 +24,7 @@ fn meaning(status: Status) -> &'static str {
         Status::Diverged => "diverged: they have no field",
         Status::LeftImage => "have partly left the image: they are not converged",
         Status::Ambiguous => "are ambiguous: the texture repeats, and displacements may be off by periods of it",
+        Status::PartlyLost => "have lost a zone or more than a third of the nodes: what is measured can be used",
         Status::Unreadable => "could not be read",
     }
 }
@@ -41,9 +42,7 @@ impl CorrelationReport<'_> {
         let numbers = |of: &dyn Fn(&FrameSummary) -> bool| -> Vec<usize> {
             frames.iter().filter(|frame| of(frame)).map(|frame| frame.number).collect()
         };
-        for status in
-            [Status::Diverged, Status::Unreadable, Status::Ambiguous, Status::LeftImage, Status::IterationLimit]
-        {
+        for status in Status::ALL.into_iter().filter(|&status| status != Status::Converged) {
             let of_status = numbers(&|frame| frame.status == status);
             if !of_status.is_empty() {
                 let (n, n_frames) = (of_status.len(), frames.len());

@@ -109,7 +109,7 @@ impl Kept {
             put("before_displacement_px", 2, pairs(displacement))?;
         }
         if let Some(baseline) = baseline {
-            put("baseline_grey", 1, Values::F64(baseline.clone()))?;
+            put("baseline", 1, Values::F64(baseline.clone()))?;
         }
         put("updates", 1, whole(updates.iter().copied()))?;
         put("refused", 1, whole(refused.iter().copied()))?;
@@ -143,7 +143,7 @@ impl Kept {
             Some(frame) => Some((frame, arrays.pairs("before_displacement_px")?)),
             None => None,
         };
-        let (baseline, updates) = (arrays.floats("baseline_grey"), arrays.whole("updates")?);
+        let (baseline, updates) = (arrays.floats("baseline"), arrays.whole("updates")?);
         let refused = arrays.whole("refused")?.first().copied();
         let frames = arrays.whole("image_frame")?;
         let sha256 = String::from_utf8(arrays.bytes("image_sha256")?).ok()?;
@@ -225,7 +225,7 @@ mod tests {
             reference: Some(key(5)),
             last: Some(key(7)),
             before: Some((6, vec![[2.5, 0.1]])),
-            baseline: Some(vec![1.25]),
+            baseline: Some(vec![1.25, 0.0]),
             updates: vec![3, 5],
             refused: Some(4),
         };

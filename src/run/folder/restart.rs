@@ -183,7 +183,7 @@ impl Earlier {
 
 /// Where tracking goes on after frame `number`, which was done before: none when that did not converge.
 pub(crate) fn stored_start(store: &Store, folder: &Path, number: usize) -> Result<Option<Start>> {
-    if store.status(number)? != Some(Status::Converged) {
+    if !store.status(number)?.is_some_and(Status::is_measured) {
         return Ok(None);
     }
     let lost = || RunError::RecordLost { number, remedy: "run the same command again" };

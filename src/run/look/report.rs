@@ -32,7 +32,7 @@ pub(crate) fn write(
         summary.frames.iter().filter(|frame| takes(frame.status)).map(|frame| frame.number).collect()
     };
     let with_field = of(&Status::has_field);
-    let converged = of(&|status| status == Status::Converged);
+    let converged = of(&Status::is_measured);
     let shown = if converged.is_empty() { &with_field } else { &converged };
     let lost = |number| RunError::RecordLost { number, remedy: "run the same command again" };
     let read = |number: usize| -> Result<DrawnFrame> {

@@ -49,14 +49,21 @@ impl Found {
         // motion.
         let margin = (size / 2).min(width.min(height) / 16);
         let specimen = Specimen::find(reference, size, margin);
-        let holds = |part: &&SpecimenPart| holds_element(part, size, options.element_share);
-        let parts: Vec<&SpecimenPart> = specimen.parts.iter().filter(holds).collect();
+        let holds_of = |part: &SpecimenPart, size: usize| holds_element(part, size, options.element_share);
+        let parts: Vec<&SpecimenPart> = specimen.parts.iter().filter(|part| holds_of(part, size)).collect();
         if parts.is_empty() {
             let left_out = in_words(specimen.left_out);
+            let would_do =
+                |&size: &usize| Specimen::find(reference, size, margin).parts.iter().any(|part| holds_of(part, size));
+            let mut sizes =
+                [2 * size, 4 * size, size / 2, size / 4].into_iter().filter(|size| (4..=128).contains(size));
+            let advice = match sizes.find(would_do) {
+                Some(other) => format!("with elements of {other} px one is: --element-size {other}"),
+                None => "check exposure and focus".to_owned(),
+            };
             return Err(RunError::Reference(format!(
                 "{}: no zone is named, and none is found: nowhere does the reference show texture over a few elements of \
-                 {size} px ({left_out}); check exposure and focus, choose smaller elements with --element-size, or name \
-                 the zone with --roi",
+                 {size} px ({left_out}); {advice}, or name the zone with --roi",
                 plan.reference_name()
             )));
         }

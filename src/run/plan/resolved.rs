@@ -317,6 +317,7 @@ fn options_of(
         start: given.start.unwrap_or_default(),
         noise: given.noise.unwrap_or_default(),
         noise_correlation: given.noise_correlation.unwrap_or_default(),
+        sigma_most_px: given.sigma_most_px.unwrap_or(default.sigma_most_px),
         drop_textureless: given.drop_textureless.unwrap_or(default.drop_textureless),
         elements: given.elements.unwrap_or_default(),
         // The edges of an opening are the faces of a joint.

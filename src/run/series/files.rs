@@ -226,7 +226,8 @@ impl<'a> PreparedSeries<'a> {
         let threads = self.pool.current_num_threads();
         watcher(Event::Note(&said::begin_line(plan, correlator, reference, threads)));
         let left_out = remarks::files_left_out(&plan.left_out);
-        let of_nodes: Vec<Remark> = remarks::of_nodes(correlator).collect();
+        let left_over = remarks::left_over(&plan.zones, plan.options.mesh_size()).filter(|_| !plan.zone_found);
+        let of_nodes: Vec<Remark> = left_over.into_iter().chain(remarks::of_nodes(correlator)).collect();
         let at_begin = left_out.iter().chain(&self.remarks).chain(&self.lock.remark).chain(&of_nodes);
         at_begin.for_each(|remark| watcher(Event::Remark(remark)));
         let earlier = said::about_earlier(before.done.len(), before.to_do.len(), &before.damaged, &before.depending);
@@ -374,7 +375,8 @@ impl<'a> PreparedSeries<'a> {
         let mut doubts = Vec::new();
         if shard.is_none() || complete {
             tally.summary.frames.sort_by_key(|frame| frame.number);
-            doubts = doubts::about_series(&tally.summary, &tally.hashes, &self.store.header().reference_sha256);
+            let (references, is_named) = (&self.store.header().reference_sha256, self.plan.reference_named);
+            doubts = doubts::about_series(&tally.summary, &tally.hashes, references, is_named);
             tally.summary.remarks.extend(doubts.iter().cloned());
             // Also when writing has failed: what is known is kept where it can be.
             let closed = folder.write_case(&self.record.case(&tally.hashes));

@@ -1,49 +1,42 @@
-//! What a whole series says of its files: copies, frames that are missing or out of order, a reference that is none.
+//! What a whole series says of its files: copies, frames that are missing or were taken in another order, a pattern of the camera.
 
 #![cfg_attr(
     not(test),
     expect(clippy::indexing_slicing, reason = "places in lists that are made here, of the frames of one summary")
 )]
 
-use crate::field::Status;
-use crate::io::series::natural_order;
 use crate::remark::{About, Code, Remark};
 use crate::report::summary::{FrameSummary, Summary};
 use crate::run::words::fields::{flattened, in_noise, in_unsettled_light};
+use crate::run::words::motion_order::{Motion, files};
 use crate::run::words::remarks::{name_frames, name_frames_are};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Motions nearer than this are alike, px.
-const ALIKE_PX: f64 = 0.05;
-/// Another order of the frames says something when it makes the path of the motion this much shorter,
-const SHORTER: f64 = 0.6;
-/// and by this many pixels.
-const SHORTER_PX: f64 = 1.0;
-/// Frames from which on an order is judged.
-const FRAMES: usize = 4;
+/// Files from which on skipped numbers are named.
 const MANY_FRAMES: usize = 8;
-/// Squares of the steps of a motion in twice its variance: 1 in a random order, near 0 in a smooth one, 2 when it goes
-/// back and forth.
-const RANDOM: std::ops::Range<f64> = 0.65..1.4;
 
 /// What is to be said of the files of a series: `hashes` has the SHA-256 of the images by their number, `references`
-/// those of the reference.
+/// those of the reference, which was `reference_named` or is the first image.
 pub(crate) fn about_series(
     summary: &Summary,
     hashes: &BTreeMap<usize, Option<String>>,
     references: &[String],
+    reference_named: bool,
 ) -> Vec<Remark> {
+    let motion = Motion::of(summary);
     let mut said = copies(summary, hashes, references);
     said.extend(find_dropped(&summary.frames.iter().map(|frame| frame.file.as_str()).collect::<Vec<_>>()));
     said.extend(blank(summary));
-    said.extend(taken_out_of_order(&summary.frames));
+    said.extend(taken_out_of_order(&summary.frames, |order| motion.is_shorter(order)));
+    said.extend(fixed_pattern(&summary.frames));
     said.extend(in_noise(summary));
     said.extend(in_unsettled_light(&summary.frames));
     said.extend(flattened(&summary.frames));
-    let motion = Motion::of(summary);
-    said.extend(motion.order(summary));
-    said.extend(motion.reference(summary));
+    if !times_rise(&summary.frames) {
+        said.extend(motion.order(summary));
+    }
+    said.extend(motion.reference(summary, reference_named));
     said
 }
 
@@ -114,8 +107,15 @@ fn find_dropped(files: &[&str]) -> Option<Remark> {
     Some(remark.with("gaps", gaps.len()).with("first_after", files[first]))
 }
 
-/// Frames that stand at another place of the series than the times in their files: as few as there can be.
-fn taken_out_of_order(frames: &[FrameSummary]) -> Option<Remark> {
+/// Whether the files have a time each, and a later one than the file before.
+fn times_rise(frames: &[FrameSummary]) -> bool {
+    let times: Option<Vec<&str>> = frames.iter().map(|frame| frame.taken.as_deref()).collect();
+    times.is_some_and(|times| times.windows(2).all(|pair| pair[0] < pair[1]))
+}
+
+/// Frames that stand at another place of the series than the times in their files: as few as there can be. Times may be
+/// those of a conversion: the motion has to agree with the order of the frames by their times.
+fn taken_out_of_order(frames: &[FrameSummary], agrees: impl Fn(&[usize]) -> bool) -> Option<Remark> {
     let taken: Vec<(&FrameSummary, &str)> =
         frames.iter().filter_map(|frame| Some((frame, frame.taken.as_deref()?))).collect();
     // The longest way through the series on which times never fall: by its length, the place of the last frame of the
@@ -136,6 +136,11 @@ fn taken_out_of_order(frames: &[FrameSummary]) -> Option<Remark> {
         here = before[at];
     }
     let first = in_order.iter().position(|&kept| !kept)?;
+    let mut by_time = taken.clone();
+    by_time.sort_by_key(|(_, time)| *time);
+    if !agrees(&by_time.iter().map(|(frame, _)| frame.number).collect::<Vec<_>>()) {
+        return None;
+    }
     let out: Vec<usize> =
         taken.iter().zip(&in_order).filter(|(_, kept)| !**kept).map(|((frame, _), _)| frame.number).collect();
     let (frame, time) = taken[first];
@@ -163,206 +168,24 @@ fn blank(summary: &Summary) -> Option<Remark> {
     (!blank.is_empty()).then(|| Remark::new(Code::ImageIncomplete, About::Frames(blank), text))
 }
 
-/// The rigid motions of the frames that have one, in the order of the series.
-struct Motion {
-    numbers: Vec<usize>,
-    /// Translation and rotation of each zone, px.
-    places: Vec<Vec<f64>>,
-}
-
-impl Motion {
-    fn of(summary: &Summary) -> Self {
-        // A rotation in pixels at a typical distance.
-        let arm = 0.125 * (summary.reference.width_px + summary.reference.height_px) as f64;
-        let (mut numbers, mut places) = (Vec::new(), Vec::new());
-        for frame in summary.frames.iter().filter(|frame| frame.status == Status::Converged) {
-            let motions: Option<Vec<_>> = frame.zones.iter().map(|zone| zone.rigid_motion.as_ref()).collect();
-            let Some(motions) = motions.filter(|motions| !motions.is_empty()) else { continue };
-            let of_zone = |m: &&crate::report::summary::RigidSummary| {
-                [m.translation_px[0], m.translation_px[1], m.rotation_deg.to_radians() * arm]
-            };
-            numbers.push(frame.number);
-            places.push(motions.iter().flat_map(of_zone).collect());
-        }
-        let n = places.first().map_or(0, Vec::len);
-        if places.iter().any(|place: &Vec<f64>| place.len() != n) {
-            (numbers, places) = (Vec::new(), Vec::new());
-        }
-        Self { numbers, places }
-    }
-
-    /// The way through frames (by their places here), from the reference on, px.
-    fn way(&self, order: &[usize]) -> f64 {
-        let mut here: Option<&Vec<f64>> = None;
-        let mut way = 0.0;
-        for &at in order {
-            way += match here {
-                Some(here) => distance(here, &self.places[at]),
-                None => length(&self.places[at]),
-            };
-            here = Some(&self.places[at]);
-        }
-        way
-    }
-
-    /// By how much the way is longer when it goes from the last of `before` to the first of `behind` through the frame
-    /// `at`, px.
-    fn detour(&self, before: &[usize], at: usize, behind: &[usize]) -> f64 {
-        let between = |end: Option<&usize>| match end {
-            Some(&end) => distance(&self.places[end], &self.places[at]),
-            None => length(&self.places[at]),
-        };
-        let Some(&next) = behind.first() else { return between(before.last()) };
-        let straight = match before.last() {
-            Some(&last) => distance(&self.places[last], &self.places[next]),
-            None => length(&self.places[next]),
-        };
-        between(before.last()) + between(Some(&next)) - straight
-    }
-
-    /// Whether the frames are in another order than that of the motion.
-    fn order(&self, summary: &Summary) -> Option<Remark> {
-        let n = self.places.len();
-        if n < FRAMES {
-            return None;
-        }
-        let given: Vec<usize> = (0..n).collect();
-        let way = self.way(&given);
-        let much = |other: f64| other < SHORTER * way && way - other > SHORTER_PX;
-        let files = files(summary);
-        let file = |at: usize| files.get(&self.numbers[at]).copied().unwrap_or("");
-        let mut by_name = given.clone();
-        by_name.sort_by(|&a, &b| natural_order(Path::new(file(a)), Path::new(file(b))));
-        if by_name != given && much(self.way(&by_name)) {
-            let shorter = self.way(&by_name);
-            let text = format!(
-                "the frames seem to be shuffled: in the order of their names ({}, {}, ...) the motion goes a way of \
-                 {shorter:.1} px, in the order given one of {way:.1} px; give the files in the order of the test, or a pattern \
-                 in quotes",
-                file(by_name[0]),
-                file(by_name[1])
-            );
-            let remark = Remark::new(Code::FramesShuffled, About::Run, text);
-            return Some(remark.with("way_px", way).with("way_by_name_px", shorter));
-        }
-        // One frame in another place. The first and the last may be what the test ends with: the reference has a say in
-        // that.
-        let inner = if n >= 2 * FRAMES { 1..n - 1 } else { 0..0 };
-        for at in inner {
-            let rest: Vec<usize> = given.iter().copied().filter(|&k| k != at).collect();
-            // Most frames lie on the way, which is as long without them: no other place of theirs makes it shorter.
-            let without = way - self.detour(&given[at - 1..at], at, &given[at + 1..]);
-            if !much(without) {
-                continue;
-            }
-            let moved = (0..n).map(|place| (without + self.detour(&rest[..place], at, &rest[place..]), place));
-            let Some((shortest, place)) = moved.min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
-            if place != at && much(shortest) {
-                let text = format!(
-                    "frame {} ({}) seems to be out of order: without it the motion goes a way of {shortest:.1} px, with it \
-                     one of {way:.1} px",
-                    self.numbers[at],
-                    file(at)
-                );
-                let remark = Remark::new(Code::FrameOutOfOrder, About::Frames(vec![self.numbers[at]]), text);
-                return Some(remark.with("way_px", way).with("way_without_px", shortest));
-            }
-        }
-        if n < MANY_FRAMES {
-            return None;
-        }
-        let components = self.places[0].len();
-        let mean: Vec<f64> =
-            (0..components).map(|c| self.places.iter().map(|place| place[c]).sum::<f64>() / n as f64).collect();
-        let spread: f64 = self.places.iter().map(|place| distance(place, &mean).powi(2)).sum();
-        let steps: f64 = self.places.windows(2).map(|pair| distance(&pair[0], &pair[1]).powi(2)).sum();
-        let random = RANDOM.contains(&(0.5 * steps / spread.max(f64::MIN_POSITIVE)));
-        (random && (spread / n as f64).sqrt() > SHORTER_PX).then(|| {
-            let text = format!(
-                "the motion jumps from frame to frame as in a random order (a way of {way:.1} px): are the files in the \
-                 order of the test?"
-            );
-            Remark::new(Code::OrderRandom, About::Run, text).with("way_px", way)
-        })
-    }
-
-    /// Whether another image than the reference is what the motion grows from.
-    fn reference(&self, summary: &Summary) -> Option<Remark> {
-        let n = self.places.len();
-        let last = self.places.last()?;
-        if n < 3 {
-            return None;
-        }
-        let reference = &summary.reference.file;
-        let files = files(summary);
-        let file = |at: usize| files.get(&self.numbers[at]).copied().unwrap_or("");
-        // The last one lies a step beyond the reference, and all others on its other side: unloading ends at the
-        // reference or before it.
-        let given: Vec<usize> = (0..n).collect();
-        let (way, first) = (self.way(&given), &self.places[0]);
-        let from_last = length(last) + self.way(&given[..n - 1]);
-        let along: f64 = last.iter().zip(first).map(|(a, b)| a * b).sum();
-        let opposite = along < -0.5 * length(last) * length(first);
-        let mut steps: Vec<f64> = self.places.windows(2).map(|pair| distance(&pair[0], &pair[1])).collect();
-        steps.sort_by(f64::total_cmp);
-        let beyond = length(last) > 0.3 * steps[(n - 1) / 2] && length(last) > 2.0 * ALIKE_PX;
-        if opposite && beyond && from_last < 0.75 * way {
-            let text = format!(
-                "the series fits better the other way: the motion grows from its last image, {}, and not from {reference}; if \
-                 that one shows the specimen before the test, give --reference {0}",
-                file(n - 1)
-            );
-            return Some(Remark::new(Code::OrderReversed, About::Reference, text).with("last", file(n - 1)));
-        }
-        // All of them far from the reference and near each other.
-        let nearest = self.places.iter().map(|place| length(place)).fold(f64::INFINITY, f64::min);
-        let apart = self.places.iter().map(|place| distance(place, first)).fold(0.0, f64::max);
-        (nearest > 3.0 * SHORTER_PX && nearest > 5.0 * apart).then(|| {
-            let text = format!(
-                "{reference} is {nearest:.1} px away from all other images, which are within {apart:.1} px of each other: is \
-                 it the reference? Another one is given by --reference FILE"
-            );
-            Remark::new(Code::ReferenceApart, About::Reference, text).with("away_px", nearest).with("apart_px", apart)
-        })
-    }
-}
-
-fn files(summary: &Summary) -> BTreeMap<usize, &str> {
-    summary.frames.iter().map(|frame| (frame.number, frame.file.as_str())).collect()
-}
-
-fn length(v: &[f64]) -> f64 {
-    v.iter().map(|v| v * v).sum::<f64>().sqrt()
-}
-
-fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+/// What stays with the camera: that of the frame in the middle of those that show it.
+fn fixed_pattern(frames: &[FrameSummary]) -> Option<Remark> {
+    let mut seen: Vec<_> = frames.iter().filter_map(|frame| Some((frame.fixed_pattern?, frame.number))).collect();
+    seen.sort_by(|a, b| a.0.grey.total_cmp(&b.0.grey));
+    let (pattern, number) = *seen.get(seen.len() / 2)?;
+    let of_other = frames.iter().filter(|frame| frame.noise_colour.is_some()).count();
+    let text = format!(
+        "{pattern} (seen in frame {number}); take a flat image off, or move the specimen by some pixels between reference and \
+         test"
+    );
+    let remark = Remark::new(Code::FixedPattern, About::Frames(seen.iter().map(|(_, number)| *number).collect()), text);
+    (10 * seen.len() >= of_other).then(|| remark.with("pattern_grey", pattern.grey).with("share", pattern.share))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{About, Code, Motion, find_dropped, taken_out_of_order};
+    use super::{About, Code, find_dropped, taken_out_of_order};
     use crate::report::summary::FrameSummary;
-
-    #[test]
-    fn a_detour_is_what_a_frame_adds_to_the_way_at_any_place() {
-        let places = [[3.0, 1.0, 0.2], [-1.0, 4.0, 0.1], [2.0, 2.0, -0.3], [7.0, -5.0, 0.0], [0.5, 0.5, 0.5]];
-        let motion = Motion {
-            numbers: (1..=places.len()).collect(),
-            places: places.iter().map(|place| place.to_vec()).collect(),
-        };
-        for at in 0..places.len() {
-            let rest: Vec<usize> = (0..places.len()).filter(|&k| k != at).collect();
-            for place in 0..=rest.len() {
-                let mut order = rest.clone();
-                order.insert(place, at);
-                let added = motion.way(&order) - motion.way(&rest);
-                let detour = motion.detour(&rest[..place], at, &rest[place..]);
-                // Sums of ten lengths of at most 15 px, each rounded once.
-                assert!((added - detour).abs() < 1e-13, "frame {at} at {place}: {added} and {detour}");
-            }
-        }
-    }
 
     #[test]
     fn frames_that_were_taken_at_another_time_than_they_stand_at_are_told_and_no_others() {
@@ -374,7 +197,7 @@ mod tests {
                     ..FrameSummary::unreadable(number, format!("{number}.tif"), String::new(), 0.0)
                 })
                 .collect();
-            taken_out_of_order(&frames)
+            taken_out_of_order(&frames, |_| true)
         };
         let all = |seconds: &[u32]| said(&seconds.iter().map(|&second| Some(second)).collect::<Vec<_>>());
         // Several frames of one second are in order, as are those whose files say nothing.

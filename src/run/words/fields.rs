@@ -72,6 +72,7 @@ mod tests {
                     unsettled,
                 });
                 let zone = ZoneSummary {
+                    status: None,
                     name: "all".into(),
                     rigid_motion: None,
                     correlation: 1.0,

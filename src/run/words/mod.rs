@@ -5,6 +5,7 @@ pub(crate) mod error;
 pub(crate) mod event;
 pub(crate) mod fields;
 pub(crate) mod heard;
+pub(crate) mod motion_order;
 pub(crate) mod remarks;
 pub(crate) mod said;
 pub(crate) mod tally;

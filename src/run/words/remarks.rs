@@ -4,7 +4,9 @@
 use crate::backend::BackendError;
 use crate::correlate::{BareBorder, Correlation, NoiseColour, Reference, StartUsed, TextureFault, UpdateRefused};
 use crate::field::Status;
+
 use crate::imaging::{GreyDepth, Image, Saturation};
+use crate::io::case::CaseZone;
 use crate::mechanics::PathEnd;
 use crate::remark::{About, Code, Remark};
 use crate::report::saturated;
@@ -133,6 +135,22 @@ pub(crate) fn of_nodes(reference: &Reference) -> impl Iterator<Item = Remark> {
     [dropped, held].into_iter().flatten()
 }
 
+/// The strips of rectangles that whole elements of `size` px leave over, from 1 px on; `None` without any.
+pub(crate) fn left_over(zones: &[CaseZone], size: usize) -> Option<Remark> {
+    let of_zone = |zone: &CaseZone| {
+        let is_rectangle =
+            zone.polygon.is_none() && zone.mask.is_none() && zone.mesh.is_none() && zone.elements.is_none();
+        let [x0, y0, x1, y1] = zone.roi.filter(|_| is_rectangle)?;
+        // As the mesh is laid, within round-off.
+        let [right, below] = [x1 - x0, y1 - y0].map(|length| ((length + 1e-6) % size as f64 - 1e-6).max(0.0));
+        let name = zone.name.as_deref().unwrap_or("the zone");
+        (right >= 1.0 || below >= 1.0).then(|| format!("{name}: {right:.4} px at the right, {below:.4} px below"))
+    };
+    let strips: Vec<String> = zones.iter().filter_map(of_zone).collect();
+    let text = format!("whole elements of {size} px leave strips over, which are not measured: {}", strips.join("; "));
+    (!strips.is_empty()).then(|| Remark::new(Code::ZoneLeftOver, About::Reference, text))
+}
+
 /// A zone that ends at a place without texture and has no guard there.
 pub(crate) fn of_border(border: &BareBorder) -> Remark {
     let BareBorder { zone, length_px, at: [x, y], is_within } = border;
@@ -168,10 +186,10 @@ pub(crate) fn noise_correlated(number: usize, colour: &NoiseColour) -> Remark {
 /// A frame that was begun where those before led to.
 pub(crate) fn of_tracking(number: usize, result: &Correlation) -> Option<Remark> {
     let (code, text) = match (result.measurement.status, result.start) {
-        (Status::Converged, StartUsed::Cold) => {
+        (Status::Converged | Status::PartlyLost, StartUsed::Cold) => {
             (Code::TrackingRestarted, "the start from the frames before failed; searched for without them")
         }
-        (Status::Converged, _) => return None,
+        (Status::Converged | Status::PartlyLost, _) => return None,
         _ => (Code::TrackingLost, "neither the start from the frames before nor a search without them converged"),
     };
     Some(Remark::new(code, About::Frames(vec![number]), text))

@@ -23,14 +23,24 @@ pub enum Status {
     Unreadable,
     /// The texture repeats, and the displacement may be off by multiples of its period: nothing says which one it is.
     Ambiguous,
+    /// What was measured can be used, but a whole zone, or more than a third of the nodes, was not.
+    PartlyLost,
 }
 
 impl Status {
     /// All of them, by their code.
-    pub const ALL: [Self; 6] =
-        [Self::Converged, Self::IterationLimit, Self::Diverged, Self::LeftImage, Self::Unreadable, Self::Ambiguous];
+    pub const ALL: [Self; 7] = [
+        Self::Converged,
+        Self::IterationLimit,
+        Self::Diverged,
+        Self::LeftImage,
+        Self::Unreadable,
+        Self::Ambiguous,
+        Self::PartlyLost,
+    ];
 
-    /// Number in files: 0 converged, 1 iteration limit, 2 diverged, 3 left the image, 4 unreadable, 5 ambiguous.
+    /// Number in files: 0 converged, 1 iteration limit, 2 diverged, 3 left the image, 4 unreadable, 5 ambiguous, 6 partly
+    /// lost.
     pub fn code(self) -> u8 {
         self as u8
     }
@@ -49,10 +59,12 @@ impl Status {
 
     /// Whether a frame that ended so has a field that may be shown: a diverged one is no measurement.
     pub fn has_field(self) -> bool {
-        match self {
-            Status::Converged | Status::IterationLimit | Status::LeftImage | Status::Ambiguous => true,
-            Status::Diverged | Status::Unreadable => false,
-        }
+        !matches!(self, Status::Diverged | Status::Unreadable)
+    }
+
+    /// Whether what is measured can be used: all of the field, or a part.
+    pub fn is_measured(self) -> bool {
+        matches!(self, Status::Converged | Status::PartlyLost)
     }
 
     /// Name used in files.
@@ -64,6 +76,7 @@ impl Status {
             Status::LeftImage => "left_image",
             Status::Unreadable => "unreadable",
             Status::Ambiguous => "ambiguous",
+            Status::PartlyLost => "partly_lost",
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Where in an image the specimen is: what carries texture, is not clipped, and hangs together.
 
-use super::{GreyDepth, Image, Levels};
+use super::{GreyDepth, Image, Levels, Pixels};
 use rayon::prelude::*;
 
 /// Side of the cells in which texture is looked at, px.
@@ -18,6 +18,8 @@ const CLIPPED: f32 = 0.5;
 const SOLID: f64 = 0.95;
 /// Parts smaller than this share of the largest are no bodies of their own.
 const LEAST_PART: f64 = 0.1;
+/// Elements are at least so large in means of pixels, px.
+const LEAST_COARSE: usize = 8;
 /// The smallest part worth measuring, in elements.
 const LEAST_ELEMENTS: usize = 1;
 
@@ -50,6 +52,20 @@ impl SpecimenPart {
     }
 }
 
+impl SpecimenPart {
+    /// The same in an image of twice as many columns and rows.
+    fn doubled(self) -> Self {
+        let [x0, y0, x1, y1] = self.bounds;
+        let width = x1 - x0;
+        let of_rows = |bits: Vec<bool>| {
+            let twice = |row: &[bool]| row.iter().flat_map(|&bit| [bit, bit]).collect::<Vec<_>>().repeat(2);
+            bits.chunks(width.max(1)).flat_map(twice).collect()
+        };
+        let bounds = [x0, y0, x1, y1].map(|at| 2 * at);
+        Self { bounds, bits: self.bits.map(of_rows), n_pixels: 4 * self.n_pixels }
+    }
+}
+
 /// Shares of an image (0 to 1) that are not specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LeftOut {
@@ -68,6 +84,8 @@ impl Specimen {
     /// above noise, over windows of an element and a half; without what is clipped, without spots and threads that hold
     /// no element, and `margin` px away from the border of the image. The outermost cells of a border beside a place
     /// without texture are left out, since they hold the step to it; holes smaller than an element are not cut out.
+    /// Where noise hides the texture everywhere, it is looked for in the mean of 2 x 2 pixels, as long as elements have
+    /// 8 px there: of speckles that are many pixels wide the noise falls and the gradient stays.
     ///
     /// The result does not depend on the number of threads (THEORY 2).
     ///
@@ -83,6 +101,18 @@ impl Specimen {
     /// assert!(x0 == 8 && (52..=64).contains(&x1));
     /// ```
     pub fn find(image: &Image, size: usize, margin: usize) -> Self {
+        let found = Self::find_in(image, size, margin);
+        let halved = if found.parts.is_empty() && size / 2 >= LEAST_COARSE { halved(image) } else { None };
+        let coarse = halved.map(|halved| Self::find(&halved, size / 2, margin.div_ceil(2)));
+        match coarse.filter(|coarse| !coarse.parts.is_empty()) {
+            Some(Self { parts, left_out }) => {
+                Self { parts: parts.into_iter().map(SpecimenPart::doubled).collect(), left_out }
+            }
+            None => found,
+        }
+    }
+
+    fn find_in(image: &Image, size: usize, margin: usize) -> Self {
         let (width, height) = (image.width(), image.height());
         let reach = ((size + CELL) / (2 * CELL)).max(1);
         let cells = Cells::of(image);
@@ -129,6 +159,17 @@ impl Specimen {
         let n: usize = self.parts.iter().map(|part| part.n_pixels).sum();
         n as f64 / (image.width() * image.height()) as f64
     }
+}
+
+/// The means of 2 x 2 pixels; none of an image that has not as many.
+fn halved(image: &Image) -> Option<Image> {
+    let [width, height] = [image.width() / 2, image.height() / 2];
+    let mean = |at: usize| {
+        let (x, y) = (2 * (at % width), 2 * (at / width));
+        0.25 * (image.grey(x, y) + image.grey(x + 1, y) + image.grey(x, y + 1) + image.grey(x + 1, y + 1))
+    };
+    let means = (0..width * height).into_par_iter().map(mean).collect();
+    Image::new(width, height, Pixels::F32(means)).ok()
 }
 
 /// Noise that no image is without, grey levels: that of rounding, or what floats of this range could hardly show.

@@ -135,6 +135,10 @@ codes! {
             "Nodes see too little texture and are held by their neighbours."
             "A regularisation or splines give these nodes a displacement that is interpolated, not measured."
             "Do not read single values there.";
+        ZoneLeftOver "zone-left-over" Note
+            "Whole elements leave a strip of a rectangle over."
+            "A rectangle holds as many whole elements as fit from its upper left corner. The rest is not measured."
+            "Nothing, or make its sides a multiple of the element size.";
         BorderBare "border-bare" Warning
             "A zone borders on a place without texture."
             "What lies beyond the border is mixed into its outermost pixels and pulls the nodes there."
@@ -157,6 +161,10 @@ codes! {
             "No start led to convergence."
             "Neither the start from earlier frames nor a search without them converged."
             "Take images more often, or use `update_reference` where the surface changes much.";
+        ZoneLost "zone-lost" Warning
+            "A zone was not found in a frame; the others were."
+            "It is covered, has left the image, or has changed too much. The frame is `partly_lost`."
+            "Look at the frame. Name the zones that matter, or leave this one out.";
         ReferenceRefused "reference-refused" Note
             "A frame could not become the new reference."
             "It shows too little texture or does not fit. The reference before it stays."
@@ -169,6 +177,10 @@ codes! {
             "The noise is not white."
             "Noise of neighbouring pixels is correlated. Standard uncertainties are multiplied by a factor for that."
             "Use raw images without sharpening or compression. Every frame has its own `noise_correlation_factor`.";
+        FixedPattern "fixed-pattern" Warning
+            "The pixels of the camera differ, by a pattern that does not move with the specimen."
+            "It draws displacements below half a pixel towards zero. Static images cannot show it."
+            "Correct the images by a flat and a dark one, or shift the specimen by some pixels after the reference.";
         NoiseBound "noise-bound" Warning
             "Some standard uncertainties are lower bounds."
             "Around these nodes the gradient of the reference is hardly more than noise."

@@ -181,7 +181,7 @@ pub struct Step {
     pub correction_px: f64,
     /// The node that it belongs to.
     pub worst_node: usize,
-    /// Smallest correlation coefficient of a zone.
+    /// Smallest correlation coefficient of a zone that has pixels in the sums.
     pub correlation: f64,
     /// Smallest change of a zone's correlation coefficient since the first evaluation of the field.
     pub gained: f64,

@@ -3,9 +3,10 @@
 use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions};
 use crate::correlate::{
     AssumedNoise, BendTest, Correlation, CorrelationError, Enough, Features, Finest, InterpolationBias, Iterated,
-    Level, Limits, MATCHED, MeshLines, MisfitTest, NodalSpread, NoiseGain, NoiseProbe, Options, Overlap, PointValuesOf,
-    Prepared, Reference, Regularisation, Result, SeenByNode, Settled, Start, StartUsed, Turn, WILD_ELEMENTS,
-    bare_borders, finest_level, high_frequency, iterate, nothing, replace_outliers, rounding,
+    LeftOut, Level, Limits, MATCHED, MeshLines, MisfitTest, NodalSpread, NoiseGain, NoiseProbe, Options, Overlap,
+    PointValuesOf, Prepared, Reference, Regularisation, Result, SeenByNode, Settled, Start, StartUsed, Turn,
+    WILD_ELEMENTS, bare_borders, choose_better, elements_of, finest_level, high_frequency, iterate, nothing, numbers,
+    replace_outliers, rounding,
 };
 use crate::field::{NoiseCorrelation, Status};
 use crate::imaging::Image;
@@ -27,10 +28,10 @@ const PREDICTION_OFF_PX: f64 = 1.0;
 /// frame before, beside which there may be more of them.
 const FEW_FAR: [f64; 2] = [1e-3, 1e-2];
 /// Where more than this share of the elements does not match that did in the frame before, it is looked for with all of
-/// them.
+/// them, and elsewhere.
 const FEW_MORE: f64 = 0.05;
 /// A frame whose corrections stay below this share of it has converged in every sense that matters.
-pub(super) const ENOUGH_BY_SIGMA: f64 = 0.1;
+const ENOUGH_BY_SIGMA: f64 = 0.1;
 /// A node less certain than this, px, counts as noisy: it may find no rest where the grey levels do not run straight
 /// over its uncertainty.
 const UNSURE_PX: f64 = 0.1;
@@ -311,16 +312,47 @@ impl<B: Backend> Correlator<B> {
     ) -> Result<Correlation> {
         let found = self.find_from(&mut frame, start, overlap)?;
         let found = self.add_faces(&frame, found, start.map(|start| start.displacement.as_slice()));
-        Ok(self.point_values.add_to(found))
+        Ok(self.point_values.add_to(found).concluded(self.dropped.len()))
     }
 
+    /// Finds a frame; without the zones that cannot be, once they have been looked for: what one does costs no other.
     fn find_from(&self, frame: &mut B::Frame, start: Option<&Start>, overlap: &mut Overlap<'_>) -> Result<Correlation> {
         let Some(start) = start else {
+            let mut lost = vec![false; self.mesh().zones().len()];
             return overlap.share_threads(|_| {
-                let found = self.search(frame)?;
+                let mut found = self.search(frame, &lost)?;
+                while self.give_up(&found, &mut lost) {
+                    found = found.or_rest(self.search(frame, &lost)?);
+                }
                 self.resolve_periods(frame, found, None)
             });
         };
+        self.check_start(start)?;
+        let mut found = self.find_near(frame, start, overlap)?;
+        let mut left_out = vec![false; self.mesh().n_elements()];
+        start.left_out.iter().for_each(|&element| left_out[element as usize] = true);
+        let mut lost = self.lost_zones(&left_out);
+        while self.give_up(&found, &mut lost) {
+            let both = elements_of(self.mesh(), &lost).into_iter().zip(&left_out).map(|(a, b)| a || *b);
+            let rest = Start { left_out: numbers(&both.collect::<Vec<_>>()), ..start.clone() };
+            found = found.or_rest(self.find_near(frame, &rest, &mut Overlap::default())?);
+        }
+        Ok(found)
+    }
+
+    /// Adds the zones of a frame that was not found which do not match to those that are `lost`; whether there are any,
+    /// and others are left.
+    fn give_up(&self, found: &Correlation, lost: &mut [bool]) -> bool {
+        let is_over = |status: Status| matches!(status, Status::Diverged | Status::LeftImage);
+        if !is_over(found.measurement.status) || !self.may_try_again() {
+            return false;
+        }
+        let before = lost.to_vec();
+        lost.iter_mut().zip(&found.zones).for_each(|(lost, zone)| *lost |= is_over(zone.status));
+        *lost != before && lost.contains(&false)
+    }
+
+    fn check_start(&self, start: &Start) -> Result<()> {
         let Start { displacement, transfer, left_out } = start;
         let (mesh_nodes, mesh_zones) = (self.mesh().n_nodes(), self.mesh().zones().len());
         let (nodes, zones) = (displacement.len(), transfer.len());
@@ -333,6 +365,15 @@ impl<B: Backend> Correlator<B> {
             let of_mesh = format!("the mesh has {n_elements}: they are counted from 0");
             return Err(CorrelationError::Start(format!("leaves out element {element}, {of_mesh}")));
         }
+        Ok(())
+    }
+
+    /// Finds a frame from a prediction; searches for it where that is not near. Without the zones that it leaves out.
+    fn find_near(&self, frame: &mut B::Frame, start: &Start, overlap: &mut Overlap<'_>) -> Result<Correlation> {
+        let Start { displacement, transfer, left_out } = start;
+        let mut elements = vec![false; self.mesh().n_elements()];
+        left_out.iter().for_each(|&element| elements[element as usize] = true);
+        let lost = self.lost_zones(&elements);
         let found = self.iterate_from_prediction(frame, start, overlap)?;
         overlap.share_threads(|_| {
             if let Some(found) = found {
@@ -348,15 +389,16 @@ impl<B: Backend> Correlator<B> {
                 return self.resolve_periods(frame, found, Some(displacement));
             }
             let (coarse, known) = (self.carry_to_coarsest(&moved.displacement), transfer.clone());
-            let mut best = self.descend_pyramid(frame, coarse, known, StartUsed::PredictedCoarse)?;
+            let mut best = self.descend_pyramid(frame, coarse, known, StartUsed::PredictedCoarse, &lost)?;
             if best.measurement.status != Status::Converged && best.worst_zone() > MATCHED && self.may_try_again() {
                 // A match but for some elements: without them, before it is looked for elsewhere.
-                let moved = Start { left_out: Vec::new(), ..moved };
+                let moved = Start { left_out: numbers(&elements_of(self.mesh(), &lost)), ..moved };
                 let again = self.try_smoothly(frame, &moved, StartUsed::Predicted, 0)?;
                 best = choose_better(best, again);
             }
-            if best.measurement.status != Status::Converged {
-                best = choose_better(best, self.search(frame)?);
+            let n_lost = best.left_out.len().saturating_sub(left_out.len());
+            if best.measurement.status != Status::Converged || n_lost as f64 > FEW_MORE * elements.len() as f64 {
+                best = choose_better(best, self.search(frame, &lost)?);
             }
             self.resolve_periods(frame, best, Some(displacement))
         })
@@ -403,7 +445,7 @@ impl<B: Backend> Correlator<B> {
     ) -> Result<Option<Settled<B>>> {
         let finest = &self.levels[0];
         let turn = self.turn(finest, &start.displacement);
-        let (mut field, excluded) = self.start_field(frame, start)?;
+        let (mut field, left_out) = self.start_field(frame, start)?;
         let is_rest = !start.left_out.is_empty();
         let limits = if is_rest { self.rest_limits(turn) } else { self.limits(turn) };
         let limits = Limits { near_px: PREDICTION_OFF_PX, few_far: FEW_FAR[usize::from(is_rest)], ..limits };
@@ -411,16 +453,17 @@ impl<B: Backend> Correlator<B> {
         if outcome.is_far || outcome.first_correlation <= MATCHED {
             return Ok(None);
         }
-        let mut iterated = self.end_iteration(frame, &mut field, outcome, excluded)?;
+        let mut iterated = self.end_iteration(frame, &mut field, outcome, left_out)?;
         if is_rest && self.may_try_again() && iterated.outcome.status != Status::Converged {
             // Without what keeps it from settling.
-            let Iterated { outcome, found, light, mut excluded } = iterated;
+            let Iterated { outcome, found, light, mut excluded, lost } = iterated;
             if light.is_some() {
                 self.remove_light(frame, &mut field, &found.displacement)?;
             }
             let safe = &start.displacement;
             let outcome = self.iterate_without_astray(frame, &mut field, safe, outcome, &mut excluded)?;
-            iterated = self.end_iteration(frame, &mut field, outcome, excluded)?;
+            let left_out = LeftOut { elements: excluded, zones: lost };
+            iterated = self.end_iteration(frame, &mut field, outcome, left_out)?;
         }
         // What repeats is looked for a period beside as well, and nodes on cuts are followed by themselves.
         let is_told = self.periods().iter().all(Vec::is_empty) && self.cut_nodes().is_empty();
@@ -437,15 +480,16 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// A field of the finest level at its start, and which elements it begins without.
-    pub(super) fn start_field(&self, frame: &mut B::Frame, start: &Start) -> Result<(B::Field, Vec<bool>)> {
+    pub(super) fn start_field(&self, frame: &mut B::Frame, start: &Start) -> Result<(B::Field, LeftOut)> {
         let prepared = &self.levels[0].prepared;
         let mut field = self.backend.start(prepared, frame, &start.displacement, &start.transfer)?;
-        let mut excluded = vec![false; self.mesh().n_elements()];
-        start.left_out.iter().for_each(|&element| excluded[element as usize] = true);
+        let mut elements = vec![false; self.mesh().n_elements()];
+        start.left_out.iter().for_each(|&element| elements[element as usize] = true);
         if !start.left_out.is_empty() {
-            self.backend.exclude(prepared, frame, &mut field, &excluded)?;
+            self.backend.exclude(prepared, frame, &mut field, &elements)?;
         }
-        Ok((field, excluded))
+        let zones = self.lost_zones(&elements);
+        Ok((field, LeftOut { elements, zones }))
     }
 
     pub(super) fn cut_nodes(&self) -> &BTreeSet<usize> {
@@ -458,22 +502,27 @@ impl<B: Backend> Correlator<B> {
         pairs.fold(displacement.to_vec(), |coarse, pair| pair[1].carry_from_finer(&pair[0].mesh, &coarse))
     }
 
-    /// Iterates from the coarsest level to the finest, from `displacement` on the coarsest.
+    /// Iterates from the coarsest level to the finest, from `displacement` on the coarsest, without the zones `lost`.
     pub(super) fn descend_pyramid(
         &self,
         frame: &mut B::Frame,
         displacement: Vec<[f64; 2]>,
         transfer: Vec<GreyTransfer>,
         start: StartUsed,
+        lost: &[bool],
     ) -> Result<Correlation> {
         let top = &self.levels[self.levels.len() - 1];
         let turn = self.turn(top, &displacement);
         let mut field = self.backend.start(&top.prepared, frame, &displacement, &transfer)?;
         let mut coarse_iterations = 0;
+        let any_lost = lost.contains(&true);
         for pair in self.levels.windows(2).rev() {
             let [finer, level] = pair else { continue };
-            let outcome =
-                iterate(&self.backend, level, frame, &mut field, Limits { turn, ..COARSE }, &self.kernel, nothing)?;
+            if any_lost {
+                self.backend.exclude(&level.prepared, frame, &mut field, &elements_of(&level.mesh, lost))?;
+            }
+            let limits = Limits { turn, own: any_lost, ..COARSE };
+            let outcome = iterate(&self.backend, level, frame, &mut field, limits, &self.kernel, nothing)?;
             coarse_iterations += outcome.iterations;
             if outcome.status != Status::Converged {
                 // The finer level would begin where single nodes of this one have gone.
@@ -485,16 +534,14 @@ impl<B: Backend> Correlator<B> {
             let moved = outcome.correction_px.is_finite() && outcome.gained >= -WORSE;
             field = self.backend.start_finer(&finer.prepared, frame, &field, moved)?;
         }
-        let limits = self.limits(turn);
+        if any_lost {
+            self.backend.exclude(&self.levels[0].prepared, frame, &mut field, &elements_of(self.mesh(), lost))?;
+        }
+        let limits = Limits { own: any_lost, ..self.limits(turn) };
         let outcome = iterate(&self.backend, &self.levels[0], frame, &mut field, limits, &self.kernel, nothing)?;
-        self.finish(frame, &mut field, outcome, start, coarse_iterations, Vec::new())
+        let left_out = LeftOut { elements: elements_of(self.mesh(), lost), zones: lost.to_vec() };
+        self.finish(frame, &mut field, outcome, start, coarse_iterations, left_out)
     }
-}
-
-/// Of two results of one frame the one that converged, else that which matches better, the second where both do.
-pub(super) fn choose_better(first: Correlation, second: Correlation) -> Correlation {
-    let is_better = second.measurement.status == Status::Converged || second.worst_zone() >= first.worst_zone();
-    if is_better { second } else { first }
 }
 
 /// Halvings after which the largest zone is small enough to be searched, and the smallest still wide enough.

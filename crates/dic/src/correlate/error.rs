@@ -32,8 +32,10 @@ pub enum CorrelationError {
         zone: String,
     },
     /// Nodes of the reference see no texture, more than may be left out.
-    #[error("{} of {n_nodes} nodes see too little texture in the reference image: {}; {}", faults.len(), first_few(faults), advice(faults.len() < *n_nodes))]
+    #[error("{} of {n_nodes} nodes see too little texture in the reference image: {}; {}{}", faults.len(), first_few(faults), advice(faults.len() < *n_nodes), by_stated(*stated))]
     NoTexture {
+        /// The noise, grey levels, where it is stated and more than the image shows.
+        stated: Option<f64>,
         /// The nodes.
         faults: Vec<TextureFault>,
         /// Nodes of the mesh.
@@ -48,8 +50,13 @@ pub enum CorrelationError {
         faults: Vec<TextureFault>,
     },
     /// Nothing is left to measure.
-    #[error("no node of the reference image sees texture: check the zone, the exposure and the focus")]
-    Textureless,
+    #[error("no node of the reference image sees enough texture: {}{}", larger.map_or("check the zone, the exposure and the focus".into(), would_do), by_stated(*stated))]
+    Textureless {
+        /// The noise, grey levels, where it is stated and more than the image shows.
+        stated: Option<f64>,
+        /// Size of elements that would see enough, px, where it is not texture that lacks but pixels.
+        larger: Option<usize>,
+    },
     /// A deformed image of another size.
     #[error("the image is {width} x {height} px, the reference {reference_width} x {reference_height} px")]
     Size {
@@ -198,6 +205,18 @@ impl UpdateRefused {
 
 fn nodes_see(n: usize) -> String {
     if n == 1 { "1 node sees".into() } else { format!("{n} nodes see") }
+}
+
+fn would_do(size: usize) -> String {
+    format!(
+        "elements of {size} px would (--element-size {size}); or take the means of pixels, since the speckles are large"
+    )
+}
+
+fn by_stated(noise: Option<f64>) -> String {
+    noise.map_or(String::new(), |noise| {
+        format!("; the noise is stated as {noise} grey levels, more than the image shows: is that so (--noise)?")
+    })
 }
 
 fn advice(some_are_left: bool) -> &'static str {

@@ -16,6 +16,7 @@ mod error;
 pub use correlator::Correlator;
 pub use cracks::crack_search::{CrackSearch, FoundCrack, NoCrack, Rejected, search_cracks};
 pub use error::{CorrelationError, Lack, TextureFault, UpdateRefused};
+pub use noise::fixed_pattern::FixedPattern;
 pub use noise::noise_correlation::NoiseColour;
 pub use noise::noise_model::PhotonNoise;
 pub use noise::reference_noise::assumed_noise;
@@ -33,12 +34,13 @@ pub use start::initial::Start;
 pub use start::period::Ambiguity;
 
 // What its parts share.
-use correlator::{COARSE, ENOUGH_BY_SIGMA, choose_better};
+use correlator::COARSE;
 use cracks::faces::{Followed, follow_nodes};
 use error::Result;
 use judge::marks::{ImagePair, bilinear, is_mismatch, mark_pulled_along};
 use judge::screen::LEAST_LEFT;
 use noise::bend::{BendTest, Bent, Looks, is_named};
+use noise::fixed_pattern::{find_pattern, pattern_variance};
 use noise::interpolation_bias::InterpolationBias;
 use noise::misfit::{Look, MATCHED, MisfitTest, Residuals};
 use noise::model_error::MeshLines;
@@ -47,6 +49,7 @@ use noise::noise_model::Elements;
 use noise::reference_noise::{high_frequency, rounding};
 use noise::stretch::DeformationGradient;
 use noise::uncertainty::{NodalSpread, NoiseGain, displacement_in_middle, spread_of};
+use prepare::common_texture::CommonTexture;
 use prepare::finest::{Finest, finest_level};
 use prepare::gradient_noise::{
     AssumedNoise, LEAST_SHARE_OF_VARIANCE, OfElement, diagonal_with_noise, gradient_sums, mass_matrix, without_noise,
@@ -61,9 +64,9 @@ use prior::filled::{affine, continue_field, fill_field};
 use prior::outliers::replace_outliers;
 use prior::regularisation::{PenaltyScale, Regulariser, upper_pairs};
 use prior::splines::{KNOT_ELEMENTS, noise_of_values, splines};
-use result::correlation::rigid;
+use result::correlation::{choose_better, rigid};
 use result::point_values::PointValuesOf;
-use result::settled::{Iterated, Settled};
+use result::settled::{Iterated, LeftOut, Settled, elements_of};
 use solve::iterate::{Enough, Limits, Outcome, SLOW, TOO_SLOW, Turn, WILD_ELEMENTS, iterate, nothing};
 use solve::light::{Light, Seen, is_suspected};
 use solve::pace::Pace;

@@ -195,7 +195,7 @@ pub fn measure(reference: &Arc<Image>, stills: &[Still], options: &Options) -> R
         .map(|(&size, measured)| size_result(&trials, &part, &texture, size, measured))
         .collect::<Result<_, _>>()?;
     if results.iter().all(|result| result.sigma_predicted_px.is_none()) {
-        return Err(CorrelationError::Textureless.into());
+        return Err(CorrelationError::Textureless { stated: None, larger: None }.into());
     }
     let strain_gauges = strain_gauges(&trials, &part, stills, &windows, &results, strains)?;
     let bias_element_size_px = bias_size(&results, &texture);

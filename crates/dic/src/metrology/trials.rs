@@ -48,7 +48,7 @@ const LEAST_ROWS: usize = 4;
 pub(super) fn with_texture<T>(made: Result<T, CorrelationError>) -> Result<Option<T>, MetrologyError> {
     match made {
         Ok(made) => Ok(Some(made)),
-        Err(CorrelationError::Textureless | CorrelationError::NoTexture { .. }) => Ok(None),
+        Err(CorrelationError::Textureless { .. } | CorrelationError::NoTexture { .. }) => Ok(None),
         Err(error) => Err(error.into()),
     }
 }

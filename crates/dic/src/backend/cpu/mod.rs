@@ -502,7 +502,10 @@ impl CpuLevel {
         if field.first.is_empty() {
             field.first = correlations.clone();
         }
-        let smallest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::INFINITY, f64::min);
+        // A zone that is left out says nothing.
+        let counted = || zones.iter().zip(correlations.iter().zip(&field.first)).filter(|(sums, _)| sums.n > 0.0);
+        let correlation = counted().fold(1.0, |smallest: f64, (_, (now, _))| smallest.min(*now));
+        let gained = counted().fold(2.0, |smallest: f64, (_, (now, first))| smallest.min(now - first));
         let mut correction = solver.correction(self.right_hand_side(field), &field.displacement);
         if let Some([by_gain, by_offset]) = solver.responses() {
             for (zone, [of_f, of_one]) in field.change.iter().enumerate() {
@@ -517,8 +520,8 @@ impl CpuLevel {
         Step {
             correction_px: largest,
             worst_node,
-            correlation: smallest(&mut correlations.iter().copied()),
-            gained: smallest(&mut correlations.iter().zip(&field.first).map(|(now, first)| now - first)),
+            correlation,
+            gained,
             counted: zones.iter().map(|zone| zone.n).sum(),
             lost: field.tallies.iter().map(|tally| tally.lost).sum(),
         }

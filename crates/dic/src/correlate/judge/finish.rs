@@ -2,11 +2,11 @@
 
 use crate::backend::{Backend, ElementMatch, Found, GreyTransfer, PixelSums};
 use crate::correlate::{
-    Bent, Correlation, CorrelationError, Correlator, DeformationGradient, ENOUGH_BY_SIGMA, Elements, Followed,
-    ImagePair, Iterated, LEAST_LEFT, Level, Light, Limits, Look, Looks, MATCHED, NodalSpread, OfElement, Outcome, Own,
-    PhotonNoise, Residuals, Result, Seen, Settled, StartUsed, TOO_SLOW, ZoneResult, continue_field, factors,
-    fill_field, follow_nodes, is_named, is_suspected, iterate, lost_in_noise, mark_pulled_along, nothing, numbers,
-    rigid, spread_of,
+    Bent, Correlation, CorrelationError, Correlator, DeformationGradient, Elements, Followed, ImagePair, Iterated,
+    LEAST_LEFT, LeftOut, Level, Light, Limits, Look, Looks, MATCHED, NodalSpread, OfElement, Outcome, Own, PhotonNoise,
+    Residuals, Result, Seen, Settled, StartUsed, TOO_SLOW, ZoneResult, continue_field, factors, fill_field,
+    follow_nodes, is_named, is_suspected, iterate, lost_in_noise, mark_pulled_along, nothing, numbers, rigid,
+    spread_of,
 };
 use crate::field::{Brightness, ElementMark, Measurement, ModelError, Status};
 use crate::linalg::Solver;
@@ -24,6 +24,13 @@ const LIGHT_ITERATIONS: usize = 34;
 /// While elements that do not match are still counted, light that has not settled is one where it leaves half of the
 /// elements less than this of their residual; else something that does not match has passed for it.
 const HELD_RATIO: f64 = 0.9;
+/// Where a zone has settled most of its elements match; where they do not, its residual is noise up to this many times
+/// that of the reference.
+const NOISE_OF_REFERENCE: f64 = 2.0;
+/// No correction above this is next to nothing, px.
+const SMALL_PX: f64 = 0.1;
+/// A zone of which less than this share of nodes is measured is not.
+const LEAST_MEASURED: f64 = 0.2;
 /// A zone so misfit that has lost more than this share of its elements is not found at all.
 const CHOSEN_SHARE: f64 = 0.2;
 
@@ -58,6 +65,10 @@ struct Measured {
     /// Per zone, the variance that is left in the residual for image noise of one grey level.
     of_pair: Vec<f64>,
     nodes_at_bound: usize,
+}
+
+fn larger([a, b]: [f64; 2]) -> f64 {
+    a.max(b)
 }
 
 /// The median over the elements of their residuals in those of `before`.
@@ -184,7 +195,7 @@ impl<B: Backend> Correlator<B> {
         Ok(outcome)
     }
 
-    /// Measures a finished iteration, without the elements `excluded` (empty for none) and those that do not match.
+    /// Measures a finished iteration, without the elements `left_out` and those that do not match.
     pub(crate) fn finish(
         &self,
         frame: &mut B::Frame,
@@ -192,25 +203,24 @@ impl<B: Backend> Correlator<B> {
         outcome: Outcome<B>,
         start: StartUsed,
         coarse_iterations: usize,
-        excluded: Vec<bool>,
+        left_out: LeftOut,
     ) -> Result<Correlation> {
-        let iterated = self.end_iteration(frame, field, outcome, excluded)?;
+        let iterated = self.end_iteration(frame, field, outcome, left_out)?;
         let settled = self.settle(frame, field, iterated)?;
         Ok(self.measure(frame, settled, start, coarse_iterations))
     }
 
-    /// What a finished iteration without the elements that are `excluded` has found, see [`Correlator::find_light`].
+    /// What a finished iteration without what is left out has found, see [`Correlator::find_light`].
     pub(crate) fn end_iteration(
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
         mut outcome: Outcome<B>,
-        mut excluded: Vec<bool>,
+        LeftOut { elements: excluded, zones: lost }: LeftOut,
     ) -> Result<Iterated<B>> {
-        excluded.resize(self.mesh().n_elements(), false);
         let (mut found, light) = self.find_light(frame, field, &mut outcome, &excluded)?;
         self.fill(&outcome, &mut found, &excluded);
-        Ok(Iterated { outcome, found, light, excluded })
+        Ok(Iterated { outcome, found, light, excluded, lost })
     }
 
     /// Puts nodes of elements that are `excluded`, and those that noise has kept from settling, where the field around
@@ -233,19 +243,22 @@ impl<B: Backend> Correlator<B> {
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
-        Iterated { mut outcome, mut found, mut light, mut excluded }: Iterated<B>,
+        mut iterated: Iterated<B>,
     ) -> Result<Settled<B>> {
-        let before = excluded.clone();
-        self.screen(frame, field, &mut outcome, &mut found, light.as_mut(), &mut excluded)?;
+        let before = iterated.excluded.clone();
+        self.screen(frame, field, &mut iterated)?;
+        let Iterated { outcome, mut found, light, excluded, lost } = iterated;
         self.fill(&outcome, &mut found, &excluded);
         let matches = self.zone_matches(&found.zones, &found.elements);
-        let status = self.judge(&outcome, &found.elements, &matches, &excluded);
+        let of_zones = self.judge_zones(&outcome, &found, &matches, &excluded, &lost);
+        let status = of_frame(&of_zones, &lost);
         let is_as_iterated = status == Status::Converged && excluded == before;
         let looks = match status {
             Status::Converged | Status::IterationLimit => self.ask_residual(frame, field, &found)?,
             _ => Looks::default(),
         };
-        Ok(Settled { of: Iterated { outcome, found, light, excluded }, is_as_iterated, matches, status, looks })
+        let of = Iterated { outcome, found, light, excluded, lost };
+        Ok(Settled { of, is_as_iterated, matches, status, of_zones, looks })
     }
 
     /// What the residual follows beyond the field: of a sample, and of the elements that this makes doubtful.
@@ -271,12 +284,13 @@ impl<B: Backend> Correlator<B> {
     pub(crate) fn measure(
         &self,
         frame: &B::Frame,
-        Settled { of: Iterated { outcome, found, light, excluded }, matches, mut status, looks, .. }: Settled<B>,
+        Settled { of: iterated, matches, mut of_zones, looks, .. }: Settled<B>,
         start: StartUsed,
         coarse_iterations: usize,
     ) -> Correlation {
         let level = &self.levels[0];
         let mesh = &level.mesh;
+        let Iterated { outcome, found, light, excluded, lost } = iterated;
         let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } = found;
         let (measured, nodes_left) = self.measured_nodes(&elements, &full_displacement, &excluded);
         let own_spread = outcome.own.as_ref().map(|own| self.own_spread(own));
@@ -294,13 +308,13 @@ impl<B: Backend> Correlator<B> {
         let spread = own_spread.as_ref().unwrap_or(&self.spread);
         let of = Ended { outcome: &outcome, light: light.as_ref(), sums: &last, spread, by_grey, photon_noise };
         let mut made = self.measure_zones(&of, &matches, measured);
-        if status == Status::IterationLimit && self.is_enough(&outcome, &made.sigma) {
-            status = Status::Converged;
+        if self.is_enough(&outcome) {
+            of_zones.iter_mut().filter(|of| **of == Status::IterationLimit).for_each(|of| *of = Status::Converged);
         }
         let unfollowed = self.bend_test.test(mesh, &looks, self.solver_of(&outcome));
         let image = self.backend.image(frame);
         let pair = ImagePair::new([&self.image, &image], mesh, &full_displacement);
-        let probe = self.probe.as_ref().filter(|_| status == Status::Converged);
+        let probe = self.probe.as_ref().filter(|_| of_frame(&of_zones, &lost) == Status::Converged);
         let light_nodes = light.as_ref().map(|light| light.nodes.as_slice());
         let noise_colour = probe
             .and_then(|probe| probe.look(&of.by_grey, &image, light_nodes, &made.freedom_left, unfollowed.is_wide()));
@@ -315,17 +329,10 @@ impl<B: Backend> Correlator<B> {
             (0..2).for_each(|c| sigma[c] *= own[c] * noise_factor[c]);
         }
         let (model_error, odd) = self.model_error(&of, &made, &excluded, unfollowed);
-        // Whether it has lost so many elements that do not match that those left have been chosen.
-        let has_lost = |zone: usize| {
-            let elements = mesh.zone_elements(zone);
-            let lost = elements.clone().filter(|&element| excluded[element]).count();
-            lost as f64 > CHOSEN_SHARE * elements.len() as f64
-        };
-        if everywhere.iter().enumerate().any(|(zone, &noisy)| noisy && has_lost(zone)) {
-            // What is left after the choice of the best is no match: anything would have some.
-            status = Status::Diverged;
-        }
-        let Measured { sigma, measured, zones, nodes_at_bound, .. } = made;
+        self.judge_settled(&mut of_zones, (&elements, &excluded), &everywhere, &made);
+        let status = of_frame(&of_zones, &lost);
+        let Measured { sigma, measured, mut zones, nodes_at_bound, .. } = made;
+        zones.iter_mut().zip(&of_zones).for_each(|(zone, of)| zone.status = *of);
         let mut marks = self.marks(&pair, &elements, &excluded, &odd, &everywhere);
         mark_pulled_along(mesh, &mut marks, &model_error, &sigma);
         let counted: Vec<bool> = elements.iter().map(|e| e.n > 0.0).collect();
@@ -420,6 +427,7 @@ impl<B: Backend> Correlator<B> {
             }
             made.zones.push(ZoneResult {
                 name: name.clone(),
+                status: Status::Converged,
                 rigid: rigid(mesh, displacement, &made.measured, nodes),
                 transfer,
                 light: smooth,
@@ -437,11 +445,42 @@ impl<B: Backend> Correlator<B> {
         made
     }
 
-    /// Whether the last correction of the node that moved most is next to nothing beside its standard uncertainty.
-    fn is_enough(&self, outcome: &Outcome<B>, sigma: &[[f64; 2]]) -> bool {
-        let [x, y] = sigma[outcome.worst_node];
-        let is_noisy = self.enough.get(outcome.worst_node).is_some_and(|enough| enough.is_noisy);
-        is_noisy && outcome.correction_px < ENOUGH_BY_SIGMA * x.min(y)
+    /// Whether the last correction of the node that moved most is next to nothing beside the standard uncertainty that
+    /// the noise of the reference gives it: that of the frame may have been raised by what failed.
+    fn is_enough(&self, outcome: &Outcome<B>) -> bool {
+        let enough = self.enough.get(outcome.worst_node).filter(|enough| enough.is_noisy);
+        enough.is_some_and(|enough| outcome.correction_px < enough.px.min(SMALL_PX))
+    }
+
+    /// Takes back that zones have converged where what is left of them is no match.
+    fn judge_settled(
+        &self,
+        of_zones: &mut [Status],
+        (elements, excluded): (&[ElementMatch], &[bool]),
+        everywhere: &[bool],
+        made: &Measured,
+    ) {
+        for (zone, of) in of_zones.iter_mut().enumerate().filter(|(_, of)| **of == Status::Converged) {
+            let of_zone = self.mesh().zone_elements(zone);
+            let lost = of_zone.clone().filter(|&element| excluded[element]).count();
+            // What is left after the choice of the best is no match: anything would have some.
+            let is_chosen = everywhere[zone] && lost as f64 > CHOSEN_SHARE * of_zone.len() as f64;
+            if is_chosen || self.is_poor(zone, elements, made) {
+                *of = Status::Diverged;
+            }
+        }
+    }
+
+    /// Whether a zone that has settled shows the specimen hardly anywhere: too few of its nodes are measured, or most
+    /// of its elements do not match, for which noise is no reason.
+    fn is_poor(&self, zone: usize, elements: &[ElementMatch], made: &Measured) -> bool {
+        let Level { mesh, keep, .. } = &self.levels[0];
+        let nodes = mesh.zone_nodes(zone).filter(|&node| keep[node]);
+        let (measured, all) = nodes.fold((0, 0), |(n, all), node| (n + usize::from(made.measured[node]), all + 1));
+        let counted = || mesh.zone_elements(zone).map(|element| &elements[element]).filter(|of| of.n > 0.0);
+        let poor = counted().filter(|of| of.correlation < MATCHED).count();
+        let is_noise = made.zones[zone].residual_noise <= NOISE_OF_REFERENCE * self.misfit_test.fine.max(self.rounding);
+        (measured as f64) < LEAST_MEASURED * all as f64 || (2 * poor > counted().count() && !is_noise)
     }
 
     /// Whether each zone is misfit everywhere; where the noise `is_coloured`, something must not move with its pattern.
@@ -468,6 +507,9 @@ impl<B: Backend> Correlator<B> {
             true => Vec::new(),
             false => lost_in_noise(mesh, &self.seen, of.by_grey.matched, &made.of_pair, gain, &made.measured),
         };
+        // Nor is one useful whose texture was enough for the noise of the reference, and is not for that of the frame.
+        let is_lost = |node: &usize| made.measured[*node] && larger(made.sigma[*node]) > self.options.sigma_most_px;
+        in_noise.extend((0..mesh.n_nodes()).filter(is_lost));
         // What is misfit everywhere is no noise to be lost in.
         in_noise.retain(|&node| !everywhere[mesh.node_zone()[node] as usize]);
         in_noise.extend(of.outcome.unsettled.iter().filter(|&&node| made.measured[node]));
@@ -655,21 +697,45 @@ impl<B: Backend> Correlator<B> {
         (0..mesh.n_elements()).map(of_element).collect()
     }
 
-    fn judge(&self, outcome: &Outcome<B>, elements: &[ElementMatch], matches: &[f64], excluded: &[bool]) -> Status {
+    /// The zones of which no element that shows texture is left.
+    pub(crate) fn lost_zones(&self, excluded: &[bool]) -> Vec<bool> {
         let Level { mesh, moments, .. } = &self.levels[0];
-        let out = (0..mesh.zones().len()).find_map(|zone| {
-            let in_use = || mesh.zone_elements(zone).filter(|&element| moments[element].n > 0.0);
-            let (all, out) = (in_use().count(), in_use().filter(|&element| elements[element].n == 0.0).count());
-            let mismatched = in_use().filter(|&element| excluded[element]).count();
-            let is_gone = out as f64 > (1.0 - LEAST_LEFT) * all as f64;
-            is_gone.then_some(if 2 * mismatched > out { Status::Diverged } else { Status::LeftImage })
-        });
-        if let Some(status) = out {
-            status
-        } else if outcome.status != Status::Diverged && matches.iter().any(|&m| m <= MATCHED) {
-            Status::Diverged
-        } else {
-            outcome.status
-        }
+        let in_use = |zone| mesh.zone_elements(zone).filter(|&element| moments[element].n > 0.0);
+        let is_lost = |zone| in_use(zone).all(|element| excluded.get(element).is_some_and(|out| *out));
+        (0..mesh.zones().len()).map(is_lost).collect()
     }
+
+    /// How each zone has ended. Where one has run away, others that still match have not settled yet.
+    fn judge_zones(
+        &self,
+        outcome: &Outcome<B>,
+        found: &Found,
+        matches: &[f64],
+        excluded: &[bool],
+        lost: &[bool],
+    ) -> Vec<Status> {
+        let Level { mesh, moments, .. } = &self.levels[0];
+        let worst = mesh.node_zone()[outcome.worst_node] as usize;
+        let of_zone = |zone: usize| {
+            let in_use = || mesh.zone_elements(zone).filter(|&element| moments[element].n > 0.0);
+            let (all, out) = (in_use().count(), in_use().filter(|&element| found.elements[element].n == 0.0).count());
+            let mismatched = in_use().filter(|&element| excluded[element]).count();
+            match outcome.status {
+                _ if lost[zone] => Status::Diverged,
+                _ if out as f64 > (1.0 - LEAST_LEFT) * all as f64 && 2 * mismatched <= out => Status::LeftImage,
+                _ if out as f64 > (1.0 - LEAST_LEFT) * all as f64 || matches[zone] <= MATCHED => Status::Diverged,
+                Status::Diverged if zone != worst => Status::IterationLimit,
+                status => status,
+            }
+        };
+        (0..mesh.zones().len()).map(of_zone).collect()
+    }
+}
+
+/// The status of a frame by that of its zones, but for those `lost` before where others are left: the worst.
+fn of_frame(of_zones: &[Status], lost: &[bool]) -> Status {
+    let is_any_kept = lost.contains(&false);
+    let has = |status: Status| of_zones.iter().zip(lost).any(|(of, lost)| *of == status && !(is_any_kept && *lost));
+    let order = [Status::LeftImage, Status::Diverged, Status::IterationLimit];
+    order.into_iter().find(|&status| has(status)).unwrap_or(Status::Converged)
 }

@@ -9,8 +9,9 @@
 
 use crate::backend::{Backend, ElementMatch, Found, GreyTransfer};
 use crate::correlate::{
-    COARSE, Correlation, Correlator, Level, Light, Limits, Look, OfElement, Outcome, PenaltyScale, Regularisation,
-    Regulariser, Result, Start, StartUsed, Turn, continue_field, iterate, nothing, support, without_noise,
+    COARSE, Correlation, Correlator, Iterated, LeftOut, Level, Limits, Look, OfElement, Outcome, PenaltyScale,
+    Regularisation, Regulariser, Result, Start, StartUsed, Turn, continue_field, elements_of, iterate, nothing,
+    numbers, support, without_noise,
 };
 use crate::field::Status;
 use crate::mesh::Mesh;
@@ -79,9 +80,10 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// Whether so much of a zone is out of the sums that nothing can be said of it; `elements` are those that count.
-    pub(crate) fn is_gone(&self, elements: &[ElementMatch]) -> bool {
+    /// Those zones do not matter that are `lost` anyway.
+    pub(crate) fn is_gone(&self, elements: &[ElementMatch], lost: &[bool]) -> bool {
         let Level { mesh, moments, .. } = &self.levels[0];
-        (0..mesh.zones().len()).any(|zone| {
+        (0..mesh.zones().len()).filter(|&zone| !lost[zone]).any(|zone| {
             let in_use = || mesh.zone_elements(zone).filter(|&element| moments[element].n > 0.0);
             let (all, left) = (in_use().count(), in_use().filter(|&element| elements[element].n > 0.0).count());
             (left as f64) < LEAST_LEFT * all as f64
@@ -94,10 +96,7 @@ impl<B: Backend> Correlator<B> {
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
-        outcome: &mut Outcome<B>,
-        found: &mut Found,
-        mut light: Option<&mut Light>,
-        excluded: &mut Vec<bool>,
+        Iterated { outcome, found, light, excluded, lost }: &mut Iterated<B>,
     ) -> Result<()> {
         let level = &self.levels[0];
         let Level { mesh, prepared, .. } = level;
@@ -141,7 +140,7 @@ impl<B: Backend> Correlator<B> {
             let mut iterations = outcome.iterations;
             for tries in 1.. {
                 let limits = self.rest_limits(outcome.turn);
-                *outcome = match light.as_deref_mut() {
+                *outcome = match light.as_mut() {
                     Some(light) => self.iterate_in_light(frame, field, light, found, limits)?,
                     None => iterate(&self.backend, level, frame, field, limits, &self.kernel, nothing)?,
                 };
@@ -156,7 +155,7 @@ impl<B: Backend> Correlator<B> {
                 }
             }
             *found = self.backend.read_field(prepared, frame, field)?;
-            if outcome.status == Status::Diverged || self.is_gone(&found.elements) {
+            if outcome.status == Status::Diverged || self.is_gone(&found.elements, lost) {
                 break;
             }
         }
@@ -180,12 +179,13 @@ impl<B: Backend> Correlator<B> {
         excluded: &mut [bool],
     ) -> Result<Outcome<B>> {
         let level = &self.levels[0];
+        let lost = self.lost_zones(excluded);
         for tries in 1..TRIES {
             if outcome.status == Status::Converged {
                 break;
             }
             self.leave_out_astray(frame, field, safe, &outcome, excluded, tries)?;
-            if self.is_gone(&self.backend.read_field(&level.prepared, frame, field)?.elements) {
+            if self.is_gone(&self.backend.read_field(&level.prepared, frame, field)?.elements, &lost) {
                 break;
             }
             let (limits, before) = (self.rest_limits(outcome.turn), outcome.iterations);
@@ -259,6 +259,7 @@ impl<B: Backend> Correlator<B> {
         frame: &mut B::Frame,
         displacement: Vec<[f64; 2]>,
         transfer: Vec<GreyTransfer>,
+        lost: &[bool],
     ) -> Result<Correlation> {
         let top = &self.levels[self.levels.len() - 1];
         let mut field = self.backend.start(&top.prepared, frame, &displacement, &transfer)?;
@@ -268,6 +269,10 @@ impl<B: Backend> Correlator<B> {
             let prepared = &level.prepared;
             let smoother = self.smoother(at + 1);
             let limits = self.smooth_limits(smoother.as_ref());
+            let given_up = elements_of(&level.mesh, lost);
+            if given_up.contains(&true) {
+                self.backend.exclude(prepared, frame, &mut field, &given_up)?;
+            }
             self.backend.observe(prepared, frame, &mut field)?;
             let mut moved = true;
             // Once with all elements, and once without those that do not match.
@@ -277,6 +282,7 @@ impl<B: Backend> Correlator<B> {
                     if !poor.contains(&true) {
                         break;
                     }
+                    let poor: Vec<bool> = poor.iter().zip(&given_up).map(|(poor, lost)| *poor || *lost).collect();
                     self.backend.exclude(prepared, frame, &mut field, &poor)?;
                 }
                 let outcome = iterate(&self.backend, level, frame, &mut field, limits, &self.kernel, nothing)?;
@@ -289,7 +295,8 @@ impl<B: Backend> Correlator<B> {
             field = self.backend.start_finer(&finer.prepared, frame, &field, moved)?;
         }
         let (displacement, transfer) = self.backend.read_start(&self.levels[0].prepared, frame, &field)?;
-        self.try_smoothly(frame, &Start::new(displacement, transfer), StartUsed::Cold, iterations)
+        let left_out = numbers(&elements_of(self.mesh(), lost));
+        self.try_smoothly(frame, &Start { displacement, transfer, left_out }, StartUsed::Cold, iterations)
     }
 
     /// Whether a frame that has not converged is tried once more: who allows only a few iterations does not want it.
@@ -321,7 +328,7 @@ impl<B: Backend> Correlator<B> {
         let level = &self.levels[0];
         let Level { mesh, prepared, .. } = level;
         let smoother = self.smoother(0);
-        let (mut field, mut excluded) = self.start_field(frame, from)?;
+        let (mut field, LeftOut { elements: mut excluded, zones }) = self.start_field(frame, from)?;
         self.backend.observe(prepared, frame, &mut field)?;
         let mut times = vec![0u8; mesh.n_elements()];
         let mut iterations = 0;
@@ -333,7 +340,8 @@ impl<B: Backend> Correlator<B> {
                 outcome.iterations = iterations;
                 // That of the penalty is no matrix of the frame.
                 outcome.own = None;
-                return self.finish(frame, &mut field, outcome, start, coarse_iterations, excluded);
+                let left_out = LeftOut { elements: excluded, zones };
+                return self.finish(frame, &mut field, outcome, start, coarse_iterations, left_out);
             }
             let found = self.backend.read_field(prepared, frame, &field)?;
             let all = self.backend.all_sums(prepared, frame, &field)?;
@@ -356,7 +364,7 @@ impl<B: Backend> Correlator<B> {
         let mut outcome = iterate(&self.backend, level, frame, &mut field, limits, &self.kernel, nothing)?;
         outcome.iterations += iterations;
         let outcome = self.iterate_without_astray(frame, &mut field, &safe, outcome, &mut excluded)?;
-        self.finish(frame, &mut field, outcome, start, coarse_iterations, excluded)
+        self.finish(frame, &mut field, outcome, start, coarse_iterations, LeftOut { elements: excluded, zones })
     }
 }
 

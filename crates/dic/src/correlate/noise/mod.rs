@@ -1,6 +1,7 @@
 //! Standard uncertainties: noise of the camera, its correlation, misfit and model error.
 
 pub(crate) mod bend;
+pub(crate) mod fixed_pattern;
 pub(crate) mod interpolation_bias;
 pub(crate) mod misfit;
 pub(crate) mod model_error;

@@ -5,8 +5,8 @@
 //! the mean square of `sum q r` over many pairs of blocks, beside that for white noise of the residual's size, is the
 //! factor on the variance. Smoothing, demosaicing, compression and noise of rows all show.
 
-use crate::backend::{Backend, GreyTransfer, KernelOptions};
-use crate::correlate::{Elements, Level, Patch};
+use crate::backend::{Backend, ElementMoments, GreyTransfer, KernelOptions};
+use crate::correlate::{Elements, FixedPattern, Level, Patch, find_pattern, pattern_variance};
 use crate::field::{Brightness, NoiseCorrelation};
 use crate::imaging::{Image, Interpolation};
 use crate::mesh::{Mesh, PixelSet, local_coordinates, shape_functions};
@@ -45,6 +45,8 @@ pub struct NoiseColour {
     pub neighbours: [f64; 2],
     /// Whether the residual holds so much displacement that is not followed that it does not tell about the noise.
     pub is_misfit: bool,
+    /// What stays with the camera; none where it does not show.
+    pub pattern: Option<FixedPattern>,
 }
 
 impl NoiseColour {
@@ -105,6 +107,8 @@ pub(crate) struct NoiseProbe {
     filter: Vec<[f64; LAGS + 1]>,
     /// Noise variance of the reference in that of one image.
     of_reference: f64,
+    /// Mean square of a component of the reference's gradient, (grey levels / px)^2.
+    gradient: f64,
 }
 
 pub(crate) struct Prepared<'a, B: Backend> {
@@ -123,6 +127,8 @@ struct BlockSums {
     pieces: [f64; 2],
     /// Correlation of neighbours along x and y less that of white noise.
     neighbours: [f64; 2],
+    /// Variance of what stays with the camera, where the block has moved far enough to show it.
+    pattern: Option<f64>,
 }
 
 impl NoiseProbe {
@@ -172,6 +178,7 @@ impl NoiseProbe {
             left,
             filter,
             of_reference: 1.0 / of.n_references.max(1) as f64,
+            gradient: mean_gradient(moments),
         })
     }
 
@@ -223,11 +230,14 @@ impl NoiseProbe {
         let scatter = [0, 1].map(|c| (mean(&|sums| (sums.pieces[c] - square[c]).powi(2)) / n).sqrt());
         let factor = square.map(|square| square.max(0.0).sqrt());
         let relative = |c: usize| if square[c] > 0.0 { 0.5 * scatter[c] / square[c] } else { 0.0 };
+        let patterns: Vec<f64> = quiet.iter().filter_map(|sums| sums.pattern).collect();
+        let gain = self.interpolation.gradient_noise_gain();
         let colour = NoiseColour {
             factor,
             factor_sigma: relative(0).max(relative(1)),
             neighbours: [0, 1].map(|c| mean(&|sums| sums.neighbours[c])),
             is_misfit,
+            pattern: find_pattern(&patterns, self.gradient - gain * mean(&|sums| sums.level), gain),
         };
         let numbers = [colour.factor[0], colour.factor[1], colour.factor_sigma];
         numbers.iter().all(|v| v.is_finite()).then_some(colour)
@@ -280,7 +290,8 @@ impl NoiseProbe {
             if self.own_transfer { own_transfer(&block.grey, &deformed) } else { (transfer.gain, transfer.offset) };
         let left = |(f, g): (&f32, &f32)| (f64::from(*f) - gain * f64::from(*g) - offset) as f32;
         let residual = block.grey.iter().zip(&deformed).map(left).collect();
-        Some((residual, gain, u[side / 2 * side + side / 2].map(f64::from)))
+        let middle = u[side / 2 * side + side / 2];
+        Some((residual, gain, [0, 1].map(|c| whole[c] + f64::from(middle[c]))))
     }
 
     fn sums(&self, at: usize, residual: &[f32], gain: f64, u: [f64; 2], freedom: f64) -> BlockSums {
@@ -321,7 +332,8 @@ impl NoiseProbe {
         };
         let of_white = |x: usize, y: usize| gain * gain * filter_x[x] * filter_y[y] / at_rest;
         let neighbours = [lag(1, &|k| k % side + 1 < side) - of_white(1, 0), lag(side, &|_| true) - of_white(0, 1)];
-        BlockSums { level, pieces, neighbours }
+        let pattern = pattern_variance(residual, side, u, gain, |x| self.interpolation.cardinal(x));
+        BlockSums { level, pieces, neighbours, pattern }
     }
 }
 
@@ -359,6 +371,13 @@ impl Block {
         let pieces = [piece(0)?, piece(1)?];
         Some((Self { element, corner, psi, grey, pieces }, gradients))
     }
+}
+
+fn mean_gradient(moments: &[ElementMoments]) -> f64 {
+    let (sum, n) = moments
+        .iter()
+        .fold((0.0, 0.0), |(sum, n), m| (sum + 0.5 * (m.gradient_power(0) + m.gradient_power(2)), n + m.n));
+    sum / f64::max(n, 1.0)
 }
 
 /// Vectors of unit length at right angles to each other.

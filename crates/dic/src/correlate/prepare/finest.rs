@@ -2,14 +2,15 @@
 
 use crate::backend::{Backend, ElementMoments, KernelOptions, couple};
 use crate::correlate::{
-    AssumedNoise, Changed, CorrelationError, Level, NodalSpread, NoiseGain, OfElement, Options, PenaltyScale,
-    Regulariser, Result, SeenByNode, TextureFault, diagonal_with_noise, find_faults, find_least_determined,
-    find_undetermined, seen_by_nodes, splines, spread_of, support_of, without_noise,
+    AssumedNoise, Changed, CommonTexture, CorrelationError, Lack, Level, NodalSpread, NoiseGain, OfElement, Options,
+    PenaltyScale, Regulariser, Result, SeenByNode, TextureFault, diagonal_with_noise, find_faults,
+    find_least_determined, find_undetermined, seen_by_nodes, splines, spread_of, support_of, without_noise,
 };
 use crate::field::Elements;
+use crate::imaging::Image;
 use crate::isa::Isa;
 use crate::linalg::{BlockMatrix, Pattern, Solver, Subspace, dissection, nested_dissection};
-use crate::mesh::{Mesh, PixelMesh};
+use crate::mesh::{Mesh, PixelMesh, Roi};
 use crate::units::Px;
 use rayon::prelude::*;
 use std::collections::HashSet;
@@ -162,6 +163,8 @@ pub(crate) fn finest_level<B: Backend>(
     let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
     let lambda = noise.lambda(kernel.interpolation);
     let mut seen = Seen::new((&mesh, &pattern), moments, kernel, lambda);
+    let image = backend.image(frame);
+    let common = |node: usize| CommonTexture::around(&image, &mesh, &pattern, node);
     let mut keep = vec![true; mesh.n_nodes()];
     let mut dropped: Vec<TextureFault> = Vec::new();
     let splines = match options.elements {
@@ -174,7 +177,9 @@ pub(crate) fn finest_level<B: Backend>(
     // The matrix of the last round that came so far, its spread, and the elements that have been left out since.
     let (mut made, mut left_out): (Option<(BlockMatrix, NodalSpread)>, Vec<u32>) = (None, Vec::new());
     loop {
-        let mut found = find_faults(&mesh, &seen.blocks, &seen.support, noise, kernel.interpolation);
+        let mut found = find_faults(&mesh, &seen.blocks, &seen.support, noise, kernel.interpolation, &|node| {
+            if keep[node] { common(node) } else { CommonTexture::default() }
+        });
         found.retain(|fault| keep[fault.node]);
         let mut held = Vec::new();
         if !options.drop_textureless && options.is_held() {
@@ -191,7 +196,7 @@ pub(crate) fn finest_level<B: Backend>(
             let Solved { solver, regulariser, spread, has_factor } =
                 round.solve(made.take(), std::mem::take(&mut left_out));
             let at_rest = noise_gain.at_rest();
-            found = find_undetermined(&mesh, &keep, |node| {
+            found = find_undetermined(&mesh, &keep, options.sigma_most_px, |node| {
                 [0, 1].map(|c| {
                     let at = spread.at(node, c, at_rest.lambda(noise.of_check));
                     at_rest.variance(noise.of_check, at, c).sqrt()
@@ -201,7 +206,7 @@ pub(crate) fn finest_level<B: Backend>(
                 found = find_least_determined(&mesh, &spread.variance, &keep);
             }
             if found.is_empty() {
-                let seen_by_nodes = seen_by_nodes(&seen.blocks, &seen.support);
+                let seen_by_nodes = seen_by_nodes(&seen.blocks, &seen.support, lambda, &common);
                 let Seen { moments, active, .. } = seen;
                 backend.restrict(&mut prepared, &active)?;
                 let solver = backend.solver(&prepared, couple(solver, &pattern, &moments, kernel.brightness))?;
@@ -215,10 +220,12 @@ pub(crate) fn finest_level<B: Backend>(
             }
         }
         if !options.drop_textureless {
-            refuse_left_out(&mesh, &dropped, &found, options)?;
+            refuse_left_out(&mesh, &dropped, &found, options, noise)?;
         }
         if found.len() == keep.iter().filter(|&&kept| kept).count() {
-            return Err(CorrelationError::Textureless);
+            let faults: Vec<&TextureFault> = dropped.iter().chain(&found).collect();
+            let larger = larger_elements((&image, &mesh, noise.of_check), &faults, options);
+            return Err(CorrelationError::Textureless { stated: noise.beyond_image(), larger });
         }
         found.iter().for_each(|fault| keep[fault.node] = false);
         // That may leave further nodes without texture.
@@ -228,16 +235,56 @@ pub(crate) fn finest_level<B: Backend>(
     }
 }
 
+/// The size of elements, px, with which nodes would be certain enough: where uncertainty is what most of them lack, it
+/// falls with the size; else where a zone would show texture nearly everywhere, by what is in common to the pixels of as
+/// many elements as a node has.
+fn larger_elements(
+    (image, mesh, noise): (&Image, &Mesh<Px>, f64),
+    faults: &[&TextureFault],
+    options: &Options,
+) -> Option<usize> {
+    let size = options.element_size;
+    let of_fault = |fault: &&TextureFault| match fault.lack {
+        Lack::Precision { sigma_px } => sigma_px,
+        Lack::Texture { .. } => f64::INFINITY,
+    };
+    let mut sigma: Vec<f64> = faults.iter().map(of_fault).collect();
+    sigma.sort_by(f64::total_cmp);
+    // Nine tenths of them.
+    if let Some(most) = sigma.get(9 * sigma.len() / 10).filter(|sigma| sigma.is_finite()) {
+        let larger = (size as f64 * most / options.sigma_most_px / 8.0).ceil() as usize * 8;
+        return (size < larger && larger <= 128).then_some(larger);
+    }
+    /// Nearly everywhere.
+    const SHARE: f64 = 0.8;
+    let shows_texture = |size: usize| {
+        let Roi { x0, y0, x1, y1 } = mesh.bounds(0);
+        let side = 2.0 * size as f64;
+        let boxes = |low: f64, high: f64| (0..((high - low) / side) as usize).map(move |k| low + side * k as f64);
+        let seen = boxes(y0, y1).flat_map(|y| boxes(x0, x1).map(move |x| [x, y, x + side, y + side]));
+        let seen: Vec<bool> = seen.map(|of| CommonTexture::within(image, of).stands_out(noise)).collect();
+        seen.iter().filter(|seen| **seen).count() as f64 > SHARE * seen.len() as f64
+    };
+    [2, 3, 4, 6, 8].map(|times| times * size).into_iter().find(|&size| size <= 128 && shows_texture(size))
+}
+
 /// Refuses nodes without texture that are more than their share of a zone, or on a border of which none may be left
 /// out. `dropped` went before, because of others; `found` would follow.
-fn refuse_left_out(mesh: &Mesh<Px>, dropped: &[TextureFault], found: &[TextureFault], options: &Options) -> Result<()> {
+fn refuse_left_out(
+    mesh: &Mesh<Px>,
+    dropped: &[TextureFault],
+    found: &[TextureFault],
+    options: &Options,
+    noise: &AssumedNoise,
+) -> Result<()> {
     let mut all: Vec<TextureFault> = dropped.iter().chain(found).cloned().collect();
     all.sort_by_key(|fault| fault.node);
     for (zone, name) in mesh.zones().iter().enumerate() {
         let nodes = mesh.zone_nodes(zone);
         let of_zone = || all.iter().filter(|fault| nodes.contains(&fault.node));
         if of_zone().count() as f64 > options.textureless_share * nodes.len() as f64 {
-            return Err(CorrelationError::NoTexture { faults: all, n_nodes: mesh.n_nodes() });
+            let (stated, n_nodes) = (noise.beyond_image(), mesh.n_nodes());
+            return Err(CorrelationError::NoTexture { stated, faults: all, n_nodes });
         }
         if options.whole_borders.contains(name) {
             let border: HashSet<u32> = mesh.boundary(zone).into_iter().flatten().collect();
@@ -289,7 +336,7 @@ mod tests {
     use super::*;
     use crate::field::Brightness;
     use crate::imaging::Interpolation;
-    use crate::mesh::{Roi, Zone};
+    use crate::mesh::Zone;
 
     #[test]
     fn what_is_kept_from_round_to_round_is_what_would_be_made_anew() {

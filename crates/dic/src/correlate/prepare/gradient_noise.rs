@@ -27,6 +27,8 @@ pub(crate) struct AssumedNoise {
     pub is_stated: bool,
     /// Standard deviation of the noise of the reference for the steps, grey levels.
     pub of_reference: f64,
+    /// Standard deviation that the fine structure of the reference has, with its texture, grey levels.
+    in_image: f64,
 }
 
 impl AssumedNoise {
@@ -36,11 +38,18 @@ impl AssumedNoise {
     pub fn of(reference: &Image, options: &Options) -> Self {
         let stated = options.noise.constant();
         let of_mean = |noise: f64| noise / (options.n_references.max(1) as f64).sqrt();
+        let in_image = fine_content(reference);
         Self {
             of_check: stated.unwrap_or_else(|| assumed_noise(reference)),
             is_stated: stated.is_some(),
-            of_reference: fine_content(reference).min(stated.map_or(f64::INFINITY, of_mean)),
+            of_reference: in_image.min(stated.map_or(f64::INFINITY, of_mean)),
+            in_image,
         }
+    }
+
+    /// The noise that is stated, where it is beyond what the fine structure of the image holds.
+    pub fn beyond_image(self) -> Option<f64> {
+        Some(self.of_check).filter(|stated| self.is_stated && *stated > self.in_image)
     }
 
     /// The same for images of 2^level by 2^level pixels averaged.

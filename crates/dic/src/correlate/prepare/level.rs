@@ -2,7 +2,8 @@
 
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place, couple};
 use crate::correlate::{
-    AssumedNoise, OfElement, PenaltyScale, Regularisation, Regulariser, diagonal_with_noise, find_faults, without_noise,
+    AssumedNoise, CommonTexture, OfElement, PenaltyScale, Regularisation, Regulariser, diagonal_with_noise,
+    find_faults, without_noise,
 };
 use crate::linalg::{Pattern, Solver};
 use crate::mesh::{Mesh, PixelMesh, shape_functions};
@@ -65,7 +66,8 @@ impl<B: Backend> Level<B> {
         let of_elements = OfElement::all(&mesh, &moments, options, lambda);
         let blocks: Vec<_> =
             (0..mesh.n_nodes()).map(|node| diagonal_with_noise(&mesh, &pattern, &of_elements, node)).collect();
-        let faults = find_faults(&mesh, &blocks, &support, &noise, options.interpolation);
+        let faults =
+            find_faults(&mesh, &blocks, &support, &noise, options.interpolation, &|_| CommonTexture::default());
         faults.iter().for_each(|fault| keep[fault.node] = false);
         let moments = Arc::new(moments);
         let mut matrix = without_noise(&mesh, &pattern, &of_elements);

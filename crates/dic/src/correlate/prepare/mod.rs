@@ -1,5 +1,6 @@
 //! What is made of a reference once: levels, matrices, the check of its texture.
 
+pub(crate) mod common_texture;
 pub(crate) mod finest;
 pub(crate) mod gradient_noise;
 pub(crate) mod level;

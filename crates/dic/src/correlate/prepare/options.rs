@@ -37,6 +37,8 @@ pub struct Options {
     pub drop_textureless: bool,
     /// Share of the nodes of a zone, 0..=1, left out for want of texture unasked; more refuse the reference.
     pub textureless_share: f64,
+    /// Standard uncertainty, px, above which a node of the reference is not measured but left out.
+    pub sigma_most_px: f64,
     /// Zones of whose border no node is left out so, such as those whose edges are the faces of a joint.
     pub whole_borders: Vec<String>,
     /// What holds the displacement beside the images.
@@ -62,6 +64,7 @@ impl Default for Options {
             n_references: 1,
             drop_textureless: false,
             textureless_share: 0.2,
+            sigma_most_px: 0.5,
             whole_borders: Vec::new(),
             regularisation: Regularisation::default(),
             solver: SolverChoice::default(),
@@ -107,6 +110,13 @@ impl Options {
         }
         if !(0.0..=1.0).contains(&self.textureless_share) {
             return fault("the share of nodes without texture", &self.textureless_share, "a number from 0 to 1");
+        }
+        if !(self.sigma_most_px > 0.0 && self.sigma_most_px <= 100.0) {
+            return fault(
+                "the largest standard uncertainty",
+                &self.sigma_most_px,
+                "a positive number of pixels up to 100",
+            );
         }
         if let Some(wanted) = self.noise.fault(f64::MAX) {
             return fault("the noise", &self.noise, wanted);

@@ -1,7 +1,7 @@
 //! Does every node see texture? (THEORY 2)
 
 use crate::backend::ElementMatch;
-use crate::correlate::{AssumedNoise, Lack, TextureFault};
+use crate::correlate::{AssumedNoise, CommonTexture, Lack, TextureFault};
 use crate::imaging::Interpolation;
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -21,13 +21,15 @@ fn noise_margin(support: f64, is_stated: bool) -> f64 {
 /// The nodes whose 2x2 block is singular within the `noise`, grey levels; those without any pixel among them.
 ///
 /// The block is `sum psi^2 grad f grad f^T`; its smallest eigenvalue over `sum psi^2` is the mean square gradient in
-/// the weakest direction. Noise adds `noise^2` times the gain of the gradient, to `blocks`, `[xx, xy, yy]`, too.
+/// the weakest direction. Noise adds `noise^2` times the gain of the gradient, to `blocks`, `[xx, xy, yy]`, too. What it
+/// hides from single pixels counts where the pixels around a node have it in `common`.
 pub(crate) fn find_faults(
     mesh: &Mesh<Px>,
     blocks: &[[f64; 3]],
     support: &[f64],
     noise: &AssumedNoise,
     interpolation: Interpolation,
+    common: &(dyn Fn(usize) -> CommonTexture + Sync),
 ) -> Vec<TextureFault> {
     let from_noise = noise.of_check * noise.of_check * interpolation.gradient_noise_gain();
     (0..mesh.n_nodes())
@@ -38,7 +40,8 @@ pub(crate) fn find_faults(
             let needed = noise_margin(weight, noise.is_stated) * from_noise;
             let [weakest, strongest] = weakest_and_strongest(blocks[node], weight);
             // The relative floor catches exact stripes in noise-free images, where f32 leaves a rest.
-            let fault = support[node] <= 0.0 || weakest <= needed || weakest <= 1e-5 * strongest;
+            let is_hidden = weakest <= needed && !common(node).stands_out(noise.of_check);
+            let fault = support[node] <= 0.0 || is_hidden || weakest <= 1e-5 * strongest;
             fault.then(|| TextureFault {
                 node,
                 at: mesh.nodes()[node],
@@ -65,15 +68,24 @@ pub(crate) struct SeenByNode {
     weakest: f64,
     /// Sum of psi^2 over the pixels.
     support: f64,
+    /// Where noise may hide what single pixels see.
+    common: CommonTexture,
 }
 
-/// What every node sees, by its block with its noise.
-pub(crate) fn seen_by_nodes(blocks: &[[f64; 3]], support: &[f64]) -> Vec<SeenByNode> {
-    let seen = |(&block, &support): (&[f64; 3], &f64)| {
-        let [weakest, _] = weakest_and_strongest(block, support.max(f64::MIN_POSITIVE));
-        SeenByNode { weakest, support }
+/// What every node sees, by its block with its noise, which adds `from_noise`.
+pub(crate) fn seen_by_nodes(
+    blocks: &[[f64; 3]],
+    support: &[f64],
+    from_noise: f64,
+    common: &(dyn Fn(usize) -> CommonTexture + Sync),
+) -> Vec<SeenByNode> {
+    let seen = |node: usize| {
+        let support = support[node];
+        let [weakest, _] = weakest_and_strongest(blocks[node], support.max(f64::MIN_POSITIVE));
+        let seen = SeenByNode { weakest, support, common: CommonTexture::default() };
+        if support > 0.0 && seen.is_noisy(from_noise) { SeenByNode { common: common(node), ..seen } } else { seen }
     };
-    blocks.iter().zip(support).map(seen).collect()
+    (0..blocks.len()).into_par_iter().with_min_len(2048).map(seen).collect()
 }
 
 impl SeenByNode {
@@ -83,10 +95,11 @@ impl SeenByNode {
         self.weakest <= 2.0 * noise_margin(self.support, false) * from_noise
     }
 
-    /// Whether nothing of it stands out of noise that adds `from_noise` to the mean square of each component of the
-    /// gradient: noise that was seen, so that it is enough that more is there than it can scatter by.
-    pub fn is_noise(self, from_noise: f64) -> bool {
-        self.weakest <= noise_margin(self.support, true) * from_noise
+    /// Whether nothing of it stands out of noise of the variance `square`, which adds `gain` times as much to the mean
+    /// square of each component of the gradient: noise that was seen, so that it is enough that more is there than it
+    /// can scatter by.
+    pub fn is_noise(self, square: f64, gain: f64) -> bool {
+        self.weakest <= noise_margin(self.support, true) * gain * square && !self.common.stands_out(square.sqrt())
     }
 }
 
@@ -113,26 +126,24 @@ pub(crate) fn lost_in_noise(
     }
     let is_lost = |&node: &usize| {
         let [squares, n] = sums[node];
-        measured[node] && n > 0.0 && seen[node].is_noise(gain * squares / n)
+        measured[node] && n > 0.0 && seen[node].is_noise(squares / n, gain)
     };
     (0..mesh.n_nodes()).filter(is_lost).collect()
 }
 
-/// A node less certain than this (px, standard uncertainty) is not measured but guessed.
-const LEAST_CERTAIN_PX: f64 = 0.5;
-
-/// The nodes that their neighbourhood does not determine, whose standard uncertainty would be `sigma_px`: texture
-/// confined to a spot gives every node around it a regular block, but not all of them together a displacement.
+/// The nodes that their neighbourhood does not determine, whose standard uncertainty `sigma_px` would exceed `most_px`:
+/// texture confined to a spot gives every node around it a regular block, but not all of them together a displacement.
 pub(crate) fn find_undetermined(
     mesh: &Mesh<Px>,
     keep: &[bool],
+    most_px: f64,
     sigma_px: impl Fn(usize) -> [f64; 2] + Sync,
 ) -> Vec<TextureFault> {
     let sigma = |node: usize| larger(sigma_px(node));
     (0..mesh.n_nodes())
         .into_par_iter()
         .with_min_len(2048)
-        .filter(|&node| keep[node] && sigma(node) > LEAST_CERTAIN_PX)
+        .filter(|&node| keep[node] && sigma(node) > most_px)
         .map(|node| fault_of_precision(mesh, node, sigma(node)))
         .collect()
 }

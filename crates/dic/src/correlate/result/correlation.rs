@@ -25,6 +25,8 @@ pub enum StartUsed {
 pub struct ZoneResult {
     /// Zone's name.
     pub name: String,
+    /// How it has ended.
+    pub status: Status,
     /// Rigid motion of its measured nodes.
     pub rigid: Option<RigidMotion>,
     /// Brightness and contrast found; their mean where they are a field.
@@ -107,9 +109,9 @@ impl Correlation {
         &self.full_displacement
     }
 
-    /// Where frames that are predicted from this one go on from; none where it did not converge.
+    /// Where frames that are predicted from this one go on from; none where nothing was measured.
     pub fn next_start(&self) -> Option<Start> {
-        (self.measurement.status == Status::Converged).then(|| Start {
+        self.measurement.status.is_measured().then(|| Start {
             displacement: self.full_displacement.clone(),
             transfer: self.zones.iter().map(|zone| zone.transfer).collect(),
             left_out: self.left_out.clone(),
@@ -137,6 +139,33 @@ impl Correlation {
         apart.get((share * apart.len().saturating_sub(1) as f64) as usize).copied().unwrap_or([0.0, allowed_px])
     }
 
+    /// What was found with all zones, or `rest`, without some of them, where that is better. It does not know why they
+    /// were lost.
+    pub(crate) fn or_rest(self, rest: Self) -> Self {
+        let why: Vec<Status> = self.zones.iter().map(|zone| zone.status).collect();
+        let mut better = choose_better(self, rest);
+        if better.measurement.status == Status::Converged {
+            let lost = better.zones.iter_mut().zip(why).filter(|(zone, _)| zone.status != Status::Converged);
+            lost.for_each(|(zone, why)| zone.status = why);
+        }
+        better
+    }
+
+    /// With [`Status::PartlyLost`] where it has converged and a zone, or more than a third of the nodes but those
+    /// `dropped` from the reference, is not measured.
+    pub(crate) fn concluded(mut self, dropped: usize) -> Self {
+        let field = &mut self.measurement;
+        if field.status == Status::Converged {
+            let measured = field.measured.iter().filter(|measured| **measured).count();
+            let all = field.mesh.n_nodes().saturating_sub(dropped);
+            let has_lost_zone = self.zones.iter().any(|zone| zone.status != Status::Converged);
+            if has_lost_zone || 3 * measured < 2 * all {
+                field.status = Status::PartlyLost;
+            }
+        }
+        self
+    }
+
     /// What the field may be off beyond noise: of a correlation it is always known.
     pub(crate) fn model_error(&self) -> Cow<'_, ModelError> {
         match &self.measurement.model_error {
@@ -148,10 +177,22 @@ impl Correlation {
         }
     }
 
-    /// Smallest correlation coefficient of a zone.
+    /// Smallest correlation coefficient of a zone that has one.
     pub(crate) fn worst_zone(&self) -> f64 {
-        self.zones.iter().map(|zone| zone.correlation).fold(f64::INFINITY, f64::min)
+        self.zones.iter().filter(|zone| zone.correlation != 0.0).map(|zone| zone.correlation).fold(1.0, f64::min)
     }
+}
+
+/// Of two results of one frame the one that converged; where both did, that which left fewer elements out, and where
+/// none did, that which matches better; the second where they are alike.
+pub(crate) fn choose_better(first: Correlation, second: Correlation) -> Correlation {
+    let has_converged = |of: &Correlation| of.measurement.status == Status::Converged;
+    let is_better = match (has_converged(&first), has_converged(&second)) {
+        (true, true) => second.left_out.len() <= first.left_out.len(),
+        (false, false) => second.worst_zone() >= first.worst_zone(),
+        (_, second) => second,
+    };
+    if is_better { second } else { first }
 }
 
 /// Rigid motion of those of the `nodes` that are measured.

@@ -3,6 +3,21 @@
 use crate::backend::{Backend, Found};
 use crate::correlate::{Light, Looks, Outcome, Start, numbers};
 use crate::field::Status;
+use crate::mesh::Mesh;
+use crate::units::Px;
+
+/// What a field is found without.
+pub(crate) struct LeftOut {
+    /// Its elements.
+    pub elements: Vec<bool>,
+    /// The zones among them that had been given up before.
+    pub zones: Vec<bool>,
+}
+
+/// The elements of the zones that are `lost`.
+pub(crate) fn elements_of(mesh: &Mesh<Px>, lost: &[bool]) -> Vec<bool> {
+    mesh.element_zone().iter().map(|&zone| lost[zone as usize]).collect()
+}
 
 pub(crate) struct Iterated<B: Backend> {
     pub outcome: Outcome<B>,
@@ -10,6 +25,8 @@ pub(crate) struct Iterated<B: Backend> {
     pub light: Option<Light>,
     /// The elements that it was done without.
     pub excluded: Vec<bool>,
+    /// The zones that were given up before it began.
+    pub lost: Vec<bool>,
 }
 
 impl<B: Backend> Iterated<B> {
@@ -33,6 +50,8 @@ pub(crate) struct Settled<B: Backend> {
     /// Per zone.
     pub matches: Vec<f64>,
     pub status: Status,
+    /// How each zone has ended.
+    pub of_zones: Vec<Status>,
     /// What its residual says of displacements that are not followed.
     pub looks: Looks,
 }

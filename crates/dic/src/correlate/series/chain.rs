@@ -18,6 +18,10 @@ const DEGRADED: f64 = 2.0;
 /// and exceeds this share of the reference's range of grey levels: less may be the noise of any camera.
 const NOTICEABLE: f64 = 0.01;
 
+/// A frame has degraded as well when this share more of a zone's elements does not match than did then: what is left
+/// matches well.
+const MORE_LOST: f64 = 0.05;
+
 /// A frame that may be the reference of others, but for its image: all that a chain knows of the stages before.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Keyframe {
@@ -44,7 +48,8 @@ pub struct ChainState {
     pub last: Option<Keyframe>,
     /// The converged frame before it, and its displacement of every node, px.
     pub before: Option<(usize, Vec<[f64; 2]>)>,
-    /// Residual of each zone to compare with, root mean square, grey levels; `None` until a frame has converged.
+    /// What to compare with; `None` until a frame has converged: of each zone the residual, root mean square, grey
+    /// levels, and then of each the share of elements that do not match.
     pub baseline: Option<Vec<f64>>,
     /// The frames that have become references, in order.
     pub updates: Vec<usize>,
@@ -72,8 +77,17 @@ struct Stage {
 
 struct Attempt {
     correlation: Correlation,
-    /// The frame as a reference, if it converged.
+    /// The frame as a reference, if it was measured.
     key: Option<Keyframe>,
+    /// Per zone, the share of elements that do not match, of those that the reference shows.
+    unmatched: Vec<f64>,
+}
+
+impl Attempt {
+    /// What a reference is renewed by, see [`ChainState::baseline`].
+    fn signs(&self) -> Vec<f64> {
+        self.correlation.zones.iter().map(|zone| zone.residual_rms).chain(self.unmatched.iter().copied()).collect()
+    }
 }
 
 /// Correlates the frames of a series in order; one becomes the reference of the next when [`UpdateReference`] says so.
@@ -209,13 +223,14 @@ impl ReferenceChain {
             self.adopt(stage);
         }
         let mut attempt = self.attempt(self.stage.as_ref(), number, frame)?;
-        if self.update == UpdateReference::Residual && self.has_degraded(&attempt.correlation) {
+        if self.update == UpdateReference::Residual && self.has_degraded(&attempt) {
             attempt = self.try_again(number, &image, attempt)?;
         }
-        let Attempt { correlation, key } = attempt;
+        let signs = attempt.signs();
+        let Attempt { correlation, key, .. } = attempt;
         self.history.note(number, &correlation);
         if let Some(key) = key {
-            self.baseline.get_or_insert_with(|| residuals(&correlation));
+            self.baseline.get_or_insert(signs);
             self.last = Some(key);
             self.last_image = (self.update != UpdateReference::Never).then_some(image);
             self.spare = None;
@@ -224,14 +239,18 @@ impl ReferenceChain {
     }
 
     /// Whether the present reference has served its time. A zone that has left the image does not come back by another.
-    fn has_degraded(&self, correlation: &Correlation) -> bool {
-        match correlation.measurement.status {
+    fn has_degraded(&self, attempt: &Attempt) -> bool {
+        match attempt.correlation.measurement.status {
             Status::IterationLimit | Status::Diverged => true,
-            Status::Converged => {
+            Status::Converged | Status::PartlyLost => {
                 let grey_range = self.stage.as_ref().map_or(&*self.original, |stage| &*stage.correlator).grey_range();
-                let beyond = |(now, then): (f64, &f64)| now > (DEGRADED * then).max(NOTICEABLE * grey_range);
+                let n_zones = self.original.mesh().zones().len();
+                let beyond = |(at, (now, then)): (usize, (f64, &f64))| match at < n_zones {
+                    true => now > (DEGRADED * then).max(NOTICEABLE * grey_range),
+                    false => now > then + MORE_LOST,
+                };
                 let baseline = self.baseline.iter().flatten();
-                residuals(correlation).into_iter().zip(baseline).any(beyond)
+                attempt.signs().into_iter().zip(baseline).enumerate().any(beyond)
             }
             // Another reference repeats itself as this one does.
             Status::LeftImage | Status::Unreadable | Status::Ambiguous => false,
@@ -243,15 +262,22 @@ impl ReferenceChain {
         let Some(stage) = self.next_stage()? else { return Ok(first) };
         let frame = self.original.upload(image.clone())?;
         let second = self.attempt(Some(&stage), number, frame)?;
-        let worst = |attempt: &Attempt| residuals(&attempt.correlation).into_iter().fold(0.0, f64::max);
-        let helped = second.key.is_some() && (first.key.is_none() || worst(&second) < worst(&first));
+        let n_zones = self.original.mesh().zones().len();
+        let worst = |attempt: &Attempt| {
+            let signs = attempt.signs();
+            let largest = |signs: &[f64]| signs.iter().copied().fold(0.0, f64::max);
+            [largest(&signs[n_zones..]), largest(&signs[..n_zones])]
+        };
+        let ([lost, residual], [lost_first, residual_first]) = (worst(&second), worst(&first));
+        let is_better = lost < lost_first || (lost == lost_first && residual < residual_first);
+        let helped = second.key.is_some() && (first.key.is_none() || is_better);
         if helped {
             self.adopt(stage);
             return Ok(second);
         }
         if first.key.is_some() {
             // It is the frame that has changed, not the reference that has aged: what follows is compared with it.
-            self.baseline = Some(residuals(&first.correlation));
+            self.baseline = Some(first.signs());
         } else {
             self.spare = Some(stage);
         }
@@ -319,7 +345,7 @@ impl ReferenceChain {
             let found = self.original.correlate_uploaded(frame, start.as_ref())?;
             let of_reference = 1.0 - 1.0 / self.original.options().noise_of_both();
             let nothing = vec![[0.0; 2]; self.original.mesh().n_nodes()];
-            let key = (found.measurement.status == Status::Converged).then(|| Keyframe {
+            let key = found.measurement.status.is_measured().then(|| Keyframe {
                 frame: number,
                 displacement: found.full_displacement.clone(),
                 elements: shown_elements(&found),
@@ -327,7 +353,8 @@ impl ReferenceChain {
                 model_error: found.model_error().nodes.clone(),
                 transfer: found.zones.iter().map(|zone| zone.transfer).collect(),
             });
-            return Ok(Attempt { correlation: found, key });
+            let unmatched = unmatched(&found);
+            return Ok(Attempt { correlation: found, key, unmatched });
         };
         let start = start.map(|start| stage.start(&start));
         let found = stage.correlator.correlate_uploaded(frame, start.as_ref())?;
@@ -337,7 +364,7 @@ impl ReferenceChain {
     /// The result of a frame on the mesh of the reference that was given.
     fn compose(&self, stage: &Stage, number: usize, found: Correlation) -> Attempt {
         let mesh = self.original.mesh();
-        let key = &stage.key;
+        let (key, unmatched) = (&stage.key, unmatched(&found));
         let transfer: Vec<GreyTransfer> =
             key.transfer.iter().zip(&found.zones).map(|(before, zone)| concatenate(zone.transfer, *before)).collect();
         let on_stage: Vec<[f64; 2]> = stage.nodes.iter().map(|&node| key.variance[node]).collect();
@@ -387,10 +414,12 @@ impl ReferenceChain {
             model_error.misfit[element] = of_stage.misfit[own];
         }
         let status = match found.measurement.status {
-            Status::Converged | Status::IterationLimit if self.has_left(&counted) => Status::LeftImage,
+            Status::Converged | Status::PartlyLost | Status::IterationLimit if self.has_left(&counted) => {
+                Status::LeftImage
+            }
             status => status,
         };
-        let next = (status == Status::Converged).then(|| {
+        let next = status.is_measured().then(|| {
             let variance = carried_variance(&stage.correlator, &found, &on_stage, 0.0);
             let mut all = key.variance.clone();
             stage.nodes.iter().zip(variance).for_each(|(&node, variance)| all[node] = variance);
@@ -435,7 +464,8 @@ impl ReferenceChain {
             counted,
             ..found
         };
-        Attempt { correlation: self.point_values.add_to(correlation), key: next }
+        let correlation = self.point_values.add_to(correlation).concluded(self.original.dropped.len());
+        Attempt { correlation, key: next, unmatched }
     }
 
     /// Whether a zone has lost too many of the elements that it had in the reference given.
@@ -480,7 +510,7 @@ impl ChainState {
             check("displacements", before.len(), mesh.n_nodes())?;
         }
         if let Some(baseline) = &self.baseline {
-            check("residuals", baseline.len(), mesh.zones().len())?;
+            check("residuals", baseline.len(), 2 * mesh.zones().len())?;
         }
         Ok(())
     }
@@ -496,8 +526,13 @@ fn rest_after(all: GreyTransfer, first: GreyTransfer) -> GreyTransfer {
     GreyTransfer { gain: all.gain / first.gain, offset: (all.offset - first.offset) / first.gain }
 }
 
-fn residuals(correlation: &Correlation) -> Vec<f64> {
-    correlation.zones.iter().map(|zone| zone.residual_rms).collect()
+fn unmatched(found: &Correlation) -> Vec<f64> {
+    let mesh = &found.measurement.mesh;
+    let mut shares = vec![0.0; mesh.zones().len()];
+    for &element in &found.left_out {
+        shares[mesh.element_zone()[element as usize] as usize] += 1.0;
+    }
+    shares.iter().enumerate().map(|(zone, n)| n / mesh.zone_elements(zone).len().max(1) as f64).collect()
 }
 
 /// The elements that counted and whose nodes were all measured.

@@ -2,7 +2,8 @@
 
 use crate::backend::{Backend, GreyTransfer, PixelSums};
 use crate::correlate::{
-    Ambiguity, COARSE, Correlation, Correlator, LEAST_INSIDE, Limits, Result, iterate, nothing, periods,
+    Ambiguity, COARSE, Correlation, Correlator, LEAST_INSIDE, Limits, Result, Start, elements_of, iterate, nothing,
+    numbers, periods,
 };
 use crate::field::Status;
 use crate::mesh::{Mesh, PixelSet};
@@ -56,11 +57,14 @@ impl<B: Backend> Correlator<B> {
                 break;
             };
             let transfer: Vec<GreyTransfer> = found.zones.iter().map(|zone| zone.transfer).collect();
-            let mut field = self.backend.start(&self.levels[0].prepared, frame, &nearer, &transfer)?;
-            let limits = self.limits(self.turn(&self.levels[0], &nearer));
+            let lost: Vec<bool> = found.zones.iter().map(|zone| zone.status != Status::Converged).collect();
+            let left_out = numbers(&elements_of(self.mesh(), &lost));
+            let start = Start { displacement: nearer, transfer, left_out };
+            let (mut field, left_out) = self.start_field(frame, &start)?;
+            let limits = self.limits(self.turn(&self.levels[0], &start.displacement));
             let outcome = iterate(&self.backend, &self.levels[0], frame, &mut field, limits, &self.kernel, nothing)?;
             let coarse = found.coarse_iterations;
-            let next = self.finish(frame, &mut field, outcome, found.start, coarse, Vec::new())?;
+            let next = self.finish(frame, &mut field, outcome, found.start, coarse, left_out)?;
             if next.measurement.status != Status::Converged {
                 found.ambiguity = self.ambiguity(&found, &besides, expected);
                 break;

@@ -40,27 +40,33 @@ impl<B: Backend> Correlator<B> {
     /// Finds each zone on the coarsest level, near or, if that fails, in the whole image; iterates down the pyramid.
     ///
     /// What does not converge even so is tried once more from there, smoothly and without what does not match.
-    pub(crate) fn search(&self, frame: &mut B::Frame) -> Result<Correlation> {
-        let (found, tried) = self.search_once(frame)?;
+    /// The zones that are `lost` are not looked for.
+    pub(crate) fn search(&self, frame: &mut B::Frame, lost: &[bool]) -> Result<Correlation> {
+        let (found, tried) = self.search_once(frame, lost)?;
         let ended_well = !matches!(found.measurement.status, Status::Diverged | Status::IterationLimit);
         if ended_well || !self.may_try_again() {
             return Ok(found);
         }
-        Ok(choose_better(found, self.begin_from(frame, &tried, true)?))
+        Ok(choose_better(found, self.begin_from(frame, &tried, true, lost)?))
     }
 
-    fn search_once(&self, frame: &mut B::Frame) -> Result<(Correlation, Vec<Tried>)> {
+    fn search_once(&self, frame: &mut B::Frame, lost: &[bool]) -> Result<(Correlation, Vec<Tried>)> {
         let top = self.levels.len() - 1;
         let mesh = &self.levels[top].mesh;
         let deformed = self.backend.grey_map(frame, top);
         let zones = 0..mesh.zones().len();
-        let mut tried = vec![Tried::default(); zones.len()];
+        // What is lost counts as found, at rest.
+        let begin = |&lost: &bool| Tried { score: if lost { 1.0 } else { f64::NEG_INFINITY }, ..Tried::default() };
+        let mut tried: Vec<Tried> = lost.iter().map(begin).collect();
         let of_few = |zone: usize| {
+            if lost[zone] {
+                return Vec::new();
+            }
             let motion = first_motion(&self.search_map, &deformed, mesh.bounds(zone), &self.search_pixels[zone]);
             motion.into_iter().collect::<Vec<_>>()
         };
         let first: Vec<Vec<Motion>> = zones.clone().map(of_few).collect();
-        let has_first: Vec<bool> = first.iter().map(|motions| !motions.is_empty()).collect();
+        let has_first: Vec<bool> = first.iter().zip(lost).map(|(motions, lost)| *lost || !motions.is_empty()).collect();
         self.try_motions(frame, &mut tried, first)?;
         let of_all = |zone: usize| match has_first[zone] && tried[zone].score > FOUND {
             true => Vec::new(),
@@ -68,19 +74,20 @@ impl<B: Backend> Correlator<B> {
         };
         let candidates = zones.map(of_all).collect();
         self.try_motions(frame, &mut tried, candidates)?;
-        let lost = |tried: &Tried| tried.score < LOST;
-        let widely = tried.iter().any(lost);
+        let is_missed = |tried: &Tried| tried.score < LOST;
+        let widely = tried.iter().any(is_missed);
         if widely {
-            let everywhere = self.search_everywhere(frame, |zone| lost(&tried[zone]));
+            let everywhere = self.search_everywhere(frame, |zone| is_missed(&tried[zone]));
             self.try_motions(frame, &mut tried, everywhere)?;
         }
-        let found = self.begin_from(frame, &tried, false)?;
+        let found = self.begin_from(frame, &tried, false, lost)?;
         if widely || !matches!(found.measurement.status, Status::Diverged | Status::LeftImage) {
             return Ok((found, tried));
         }
         // What is dark or bright all over its length matches well anywhere along it.
         let left = found.measurement.status == Status::LeftImage;
-        let everywhere = self.search_everywhere(frame, |zone| left || found.zones[zone].correlation < LOST);
+        let is_wanted = |zone: usize| !lost[zone] && (left || found.zones[zone].correlation < LOST);
+        let everywhere = self.search_everywhere(frame, is_wanted);
         if everywhere.iter().all(Vec::is_empty) {
             return Ok((found, tried));
         }
@@ -89,7 +96,7 @@ impl<B: Backend> Correlator<B> {
             *tried = Tried::default();
         }
         self.try_motions(frame, &mut tried, everywhere)?;
-        let again = self.begin_from(frame, &tried, false)?;
+        let again = self.begin_from(frame, &tried, false, lost)?;
         let better = match (again.measurement.status, found.measurement.status) {
             (Status::Converged, _) | (Status::LeftImage, Status::Diverged) => true,
             // What is still in the image is measured.
@@ -140,13 +147,13 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// Iterates down the pyramid from the motion of each zone, `smoothly` until it is known what does not match.
-    fn begin_from(&self, frame: &mut B::Frame, tried: &[Tried], smoothly: bool) -> Result<Correlation> {
+    fn begin_from(&self, frame: &mut B::Frame, tried: &[Tried], smoothly: bool, lost: &[bool]) -> Result<Correlation> {
         let transfer = tried.iter().map(|tried| tried.transfer).collect();
         let motions: Vec<Motion> = tried.iter().map(|tried| tried.motion.clone()).collect();
         let displacement = self.displacement_under(&self.levels[self.levels.len() - 1], &motions);
         match smoothly {
-            true => self.smooth_pyramid(frame, displacement, transfer),
-            false => self.descend_pyramid(frame, displacement, transfer, StartUsed::Cold),
+            true => self.smooth_pyramid(frame, displacement, transfer, lost),
+            false => self.descend_pyramid(frame, displacement, transfer, StartUsed::Cold, lost),
         }
     }
 
