@@ -67,10 +67,6 @@ struct Measured {
     nodes_at_bound: usize,
 }
 
-fn larger([a, b]: [f64; 2]) -> f64 {
-    a.max(b)
-}
-
 /// The median over the elements of their residuals in those of `before`.
 fn median_ratio(after: &[ElementMatch], before: &[ElementMatch]) -> f64 {
     let both = after.iter().zip(before).filter(|(after, before)| after.n > 0.0 && before.n > 0.0);
@@ -505,11 +501,13 @@ impl<B: Backend> Correlator<B> {
         let gain = self.options.interpolation.gradient_noise_gain() / self.options.n_references.max(1) as f64;
         let mut in_noise = match self.seen.is_empty() {
             true => Vec::new(),
-            false => lost_in_noise(mesh, &self.seen, of.by_grey.matched, &made.of_pair, gain, &made.measured),
+            false => {
+                let sigma: Vec<f64> = made.sigma.iter().map(|[x, y]| x.max(*y)).collect();
+                let is_certain = |node: usize| sigma[node] <= self.options.sigma_most_px;
+                let of_pair = (made.of_pair.as_slice(), gain);
+                lost_in_noise(mesh, &self.seen, of.by_grey.matched, of_pair, &made.measured, is_certain)
+            }
         };
-        // Nor is one useful whose texture was enough for the noise of the reference, and is not for that of the frame.
-        let is_lost = |node: &usize| made.measured[*node] && larger(made.sigma[*node]) > self.options.sigma_most_px;
-        in_noise.extend((0..mesh.n_nodes()).filter(is_lost));
         // What is misfit everywhere is no noise to be lost in.
         in_noise.retain(|&node| !everywhere[mesh.node_zone()[node] as usize]);
         in_noise.extend(of.outcome.unsettled.iter().filter(|&&node| made.measured[node]));
@@ -697,11 +695,11 @@ impl<B: Backend> Correlator<B> {
         (0..mesh.n_elements()).map(of_element).collect()
     }
 
-    /// The zones of which no element that shows texture is left.
+    /// The zones of which no element that shows texture is left, or that have none.
     pub(crate) fn lost_zones(&self, excluded: &[bool]) -> Vec<bool> {
         let Level { mesh, moments, .. } = &self.levels[0];
         let in_use = |zone| mesh.zone_elements(zone).filter(|&element| moments[element].n > 0.0);
-        let is_lost = |zone| in_use(zone).all(|element| excluded.get(element).is_some_and(|out| *out));
+        let is_lost = |zone| in_use(zone).all(|element| excluded[element]);
         (0..mesh.zones().len()).map(is_lost).collect()
     }
 

@@ -97,9 +97,10 @@ impl SeenByNode {
 
     /// Whether nothing of it stands out of noise of the variance `square`, which adds `gain` times as much to the mean
     /// square of each component of the gradient: noise that was seen, so that it is enough that more is there than it
-    /// can scatter by.
-    pub fn is_noise(self, square: f64, gain: f64) -> bool {
-        self.weakest <= noise_margin(self.support, true) * gain * square && !self.common.stands_out(square.sqrt())
+    /// can scatter by. What single pixels do not see counts where it leaves the node `is_certain` enough.
+    fn is_noise(self, square: f64, gain: f64, is_certain: bool) -> bool {
+        let is_hidden = self.weakest <= noise_margin(self.support, true) * gain * square;
+        is_hidden && !(is_certain && self.common.stands_out(square.sqrt()))
     }
 }
 
@@ -112,9 +113,9 @@ pub(crate) fn lost_in_noise(
     mesh: &Mesh<Px>,
     seen: &[SeenByNode],
     elements: &[ElementMatch],
-    of_pair: &[f64],
-    gain: f64,
+    (of_pair, gain): (&[f64], f64),
     measured: &[bool],
+    is_certain: impl Fn(usize) -> bool,
 ) -> Vec<usize> {
     let mut sums = vec![[0.0; 2]; mesh.n_nodes()];
     for (element, (nodes, matched)) in mesh.elements().iter().zip(elements).enumerate() {
@@ -126,7 +127,7 @@ pub(crate) fn lost_in_noise(
     }
     let is_lost = |&node: &usize| {
         let [squares, n] = sums[node];
-        measured[node] && n > 0.0 && seen[node].is_noise(squares / n, gain)
+        measured[node] && n > 0.0 && seen[node].is_noise(squares / n, gain, is_certain(node))
     };
     (0..mesh.n_nodes()).filter(is_lost).collect()
 }
