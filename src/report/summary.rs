@@ -298,7 +298,8 @@ pub struct ZoneSummary {
     /// How it ended, where that is not `converged`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub status: Option<Status>,
-    /// Rigid motion of its measured nodes.
+    /// Rigid motion of its measured nodes; absent where none is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rigid_motion: Option<RigidSummary>,
     /// Correlation coefficient of the reference and the deformed image brought back.
     #[serde(deserialize_with = "number")]

@@ -226,9 +226,9 @@ impl<'a> PreparedSeries<'a> {
         let threads = self.pool.current_num_threads();
         watcher(Event::Note(&said::begin_line(plan, correlator, reference, threads)));
         let left_out = remarks::files_left_out(&plan.left_out);
-        let left_over = remarks::left_over(&plan.zones, plan.options.mesh_size()).filter(|_| !plan.zone_found);
-        let of_nodes: Vec<Remark> = left_over.into_iter().chain(remarks::of_nodes(correlator)).collect();
-        let at_begin = left_out.iter().chain(&self.remarks).chain(&self.lock.remark).chain(&of_nodes);
+        let left_over = remarks::left_over(plan.named_zones(), plan.options.mesh_size());
+        let of_nodes: Vec<Remark> = remarks::of_nodes(correlator).collect();
+        let at_begin = left_out.iter().chain(&self.remarks).chain(&self.lock.remark).chain(&left_over).chain(&of_nodes);
         at_begin.for_each(|remark| watcher(Event::Remark(remark)));
         let earlier = said::about_earlier(before.done.len(), before.to_do.len(), &before.damaged, &before.depending);
         earlier.iter().for_each(|line| watcher(Event::Note(line)));
@@ -237,7 +237,7 @@ impl<'a> PreparedSeries<'a> {
         let frames: Vec<FrameSummary> = before.done.values().map(|(summary, _)| summary.clone()).collect();
         let mut summary = Summary {
             seconds_reference: self.seconds_reference,
-            remarks: left_out.into_iter().chain(borders).collect(),
+            remarks: left_out.into_iter().chain(left_over).chain(borders).collect(),
             counts: counts(&frames),
             trust: Trust::of(&frames),
             reference_updates: reference_updates(&frames),

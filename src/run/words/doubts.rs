@@ -1,4 +1,5 @@
-//! What a whole series says of its files: copies, frames that are missing or were taken in another order, a pattern of the camera.
+//! What a whole series says of its files: copies, frames that are missing or were taken in another order, a pattern
+//! of the camera.
 
 #![cfg_attr(
     not(test),
@@ -173,13 +174,12 @@ fn fixed_pattern(frames: &[FrameSummary]) -> Option<Remark> {
     let mut seen: Vec<_> = frames.iter().filter_map(|frame| Some((frame.fixed_pattern?, frame.number))).collect();
     seen.sort_by(|a, b| a.0.grey.total_cmp(&b.0.grey));
     let (pattern, number) = *seen.get(seen.len() / 2)?;
-    let of_other = frames.iter().filter(|frame| frame.noise_colour.is_some()).count();
     let text = format!(
         "{pattern} (seen in frame {number}); take a flat image off, or move the specimen by some pixels between reference and \
          test"
     );
     let remark = Remark::new(Code::FixedPattern, About::Frames(seen.iter().map(|(_, number)| *number).collect()), text);
-    (10 * seen.len() >= of_other).then(|| remark.with("pattern_grey", pattern.grey).with("share", pattern.share))
+    Some(remark.with("pattern_grey", pattern.grey).with("share", pattern.share))
 }
 
 #[cfg(test)]

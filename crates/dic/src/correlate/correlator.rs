@@ -5,8 +5,8 @@ use crate::correlate::{
     AssumedNoise, BendTest, Correlation, CorrelationError, Enough, Features, Finest, InterpolationBias, Iterated,
     LeftOut, Level, Limits, MATCHED, MeshLines, MisfitTest, NodalSpread, NoiseGain, NoiseProbe, Options, Overlap,
     PointValuesOf, Prepared, Reference, Regularisation, Result, SeenByNode, Settled, Start, StartUsed, Turn,
-    WILD_ELEMENTS, bare_borders, choose_better, elements_of, finest_level, high_frequency, iterate, nothing, numbers,
-    replace_outliers, rounding,
+    WILD_ELEMENTS, bare_borders, choose_better, elements_of, finest_level, high_frequency, iterate, named, nothing,
+    numbers, replace_outliers, rounding,
 };
 use crate::field::{NoiseCorrelation, Status};
 use crate::imaging::Image;
@@ -329,8 +329,7 @@ impl<B: Backend> Correlator<B> {
         };
         self.check_start(start)?;
         let mut found = self.find_near(frame, start, overlap)?;
-        let mut left_out = vec![false; self.mesh().n_elements()];
-        start.left_out.iter().for_each(|&element| left_out[element as usize] = true);
+        let left_out = named(&start.left_out, self.mesh().n_elements());
         let mut lost = self.lost_zones(&left_out);
         while self.give_up(&found, &mut lost) {
             let both = elements_of(self.mesh(), &lost).into_iter().zip(&left_out).map(|(a, b)| a || *b);
@@ -371,9 +370,8 @@ impl<B: Backend> Correlator<B> {
     /// Finds a frame from a prediction; searches for it where that is not near. Without the zones that it leaves out.
     fn find_near(&self, frame: &mut B::Frame, start: &Start, overlap: &mut Overlap<'_>) -> Result<Correlation> {
         let Start { displacement, transfer, left_out } = start;
-        let mut elements = vec![false; self.mesh().n_elements()];
-        left_out.iter().for_each(|&element| elements[element as usize] = true);
-        let lost = self.lost_zones(&elements);
+        let n_elements = self.mesh().n_elements();
+        let lost = self.lost_zones(&named(left_out, n_elements));
         let found = self.iterate_from_prediction(frame, start, overlap)?;
         overlap.share_threads(|_| {
             if let Some(found) = found {
@@ -397,7 +395,7 @@ impl<B: Backend> Correlator<B> {
                 best = choose_better(best, again);
             }
             let n_lost = best.left_out.len().saturating_sub(left_out.len());
-            if best.measurement.status != Status::Converged || n_lost as f64 > FEW_MORE * elements.len() as f64 {
+            if best.measurement.status != Status::Converged || n_lost as f64 > FEW_MORE * n_elements as f64 {
                 best = choose_better(best, self.search(frame, &lost)?);
             }
             self.resolve_periods(frame, best, Some(displacement))
@@ -483,8 +481,7 @@ impl<B: Backend> Correlator<B> {
     pub(super) fn start_field(&self, frame: &mut B::Frame, start: &Start) -> Result<(B::Field, LeftOut)> {
         let prepared = &self.levels[0].prepared;
         let mut field = self.backend.start(prepared, frame, &start.displacement, &start.transfer)?;
-        let mut elements = vec![false; self.mesh().n_elements()];
-        start.left_out.iter().for_each(|&element| elements[element as usize] = true);
+        let elements = named(&start.left_out, self.mesh().n_elements());
         if !start.left_out.is_empty() {
             self.backend.exclude(prepared, frame, &mut field, &elements)?;
         }

@@ -32,7 +32,7 @@ pub enum CorrelationError {
         zone: String,
     },
     /// Nodes of the reference see no texture, more than may be left out.
-    #[error("{} of {n_nodes} nodes see too little texture in the reference image: {}; {}{}", faults.len(), first_few(faults), advice(faults.len() < *n_nodes), by_stated(*stated))]
+    #[error("{}", no_texture(faults, *n_nodes, *stated))]
     NoTexture {
         /// The noise, grey levels, where it is stated and more than the image shows.
         stated: Option<f64>,
@@ -50,7 +50,7 @@ pub enum CorrelationError {
         faults: Vec<TextureFault>,
     },
     /// Nothing is left to measure.
-    #[error("no node of the reference image sees enough texture: {}{}", larger.map_or("check the zone, the exposure and the focus".into(), would_do), by_stated(*stated))]
+    #[error("{}", textureless(*stated, *larger))]
     Textureless {
         /// The noise, grey levels, where it is stated and more than the image shows.
         stated: Option<f64>,
@@ -207,10 +207,19 @@ fn nodes_see(n: usize) -> String {
     if n == 1 { "1 node sees".into() } else { format!("{n} nodes see") }
 }
 
-fn would_do(size: usize) -> String {
-    format!(
-        "elements of {size} px would (--element-size {size}); or take the means of pixels, since the speckles are large"
-    )
+fn no_texture(faults: &[TextureFault], n_nodes: usize, stated: Option<f64>) -> String {
+    let (n, few, what) = (faults.len(), first_few(faults), advice(faults.len() < n_nodes));
+    format!("{n} of {n_nodes} nodes see too little texture in the reference image: {few}; {what}{}", by_stated(stated))
+}
+
+fn textureless(stated: Option<f64>, larger: Option<usize>) -> String {
+    let what = larger.map_or("check the zone, the exposure and the focus".into(), |size| {
+        format!(
+            "elements of {size} px would do (--element-size {size}); where speckles are many pixels wide, so would means \
+             of pixels"
+        )
+    });
+    format!("no node of the reference image sees enough texture: {what}{}", by_stated(stated))
 }
 
 fn by_stated(noise: Option<f64>) -> String {

@@ -72,7 +72,7 @@ use solve::light::{Light, Seen, is_suspected};
 use solve::pace::Pace;
 use start::features::{Features, Pair};
 use start::find::{LEAST_INSIDE, score};
-use start::initial::numbers;
+use start::initial::{named, numbers};
 use start::patch::Patch;
 use start::period::{periods, transpose};
 use start::search::{Match, Motion, draws, first_motion, fit, motions};

@@ -20,6 +20,13 @@ impl Start {
     }
 }
 
+/// Which of `n` these numbers name.
+pub(crate) fn named(numbers: &[u32], n: usize) -> Vec<bool> {
+    let mut named = vec![false; n];
+    numbers.iter().for_each(|&number| named[number as usize] = true);
+    named
+}
+
 pub(crate) fn numbers(of: &[bool]) -> Vec<u32> {
     of.iter().enumerate().filter(|(_, of)| **of).map(|(number, _)| number as u32).collect()
 }
