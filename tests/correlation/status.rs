@@ -3,7 +3,7 @@
 
 use crate::common::scenes::{SPOT_PX, Spots, photographed};
 use crate::common::{cold, data, mean, prepared, rms, zone};
-use crate::program::Desk;
+use crate::program::{Desk, remarks};
 use quadrille::correlate::{CorrelationError, Options, ReferenceChain, Tracker};
 use quadrille::field::{ElementMark, Status, UpdateReference};
 use quadrille::imaging::{Image, Pixels, Specimen};
@@ -224,4 +224,27 @@ fn a_body_that_leaves_a_black_ground_is_no_torn_image_and_a_stated_noise_is_name
     assert!(desk.remarks("out", Code::ImageIncomplete).is_empty(), "{ran}");
     let ran = desk.correlate("--output two --noise 60 img_0.png img_1.png");
     assert!(ran.code == Some(2) && ran.stderr.contains("the noise is stated as 60 grey levels"), "{ran}");
+}
+
+#[test]
+fn a_lost_zone_is_in_the_exit_status_the_closing_table_and_the_summary() {
+    let desk = Desk::new();
+    for (k, beside) in [(0, Some([0.0; 2])), (1, Some([0.3, -0.2])), (2, None)] {
+        desk.image(&format!("img_{k}.png"), &two_bodies([0.4 * k as f64, 0.0], beside, k + 1));
+    }
+    // Rectangles of 11 x 17 elements but for round-off, and of 4 x 8 with a strip of 5 px at the right.
+    let zones = "--roi 20,20,195.9999999,292 --roi 240,100,309,228";
+    let ran = desk.correlate(&format!("--output out {zones} img_0.png img_1.png img_2.png"));
+    assert_eq!(ran.code, Some(1), "{ran}");
+    let row = ran.stderr.lines().find(|line| line.contains("partly lost") && !line.contains("img")).unwrap();
+    // 216 of 216 + 45 nodes.
+    assert_eq!(row.split_whitespace().rev().nth(1), Some("82.8"), "{ran}");
+    let summary = desk.json("out/summary.json");
+    assert_eq!(summary["n_elements"], 11 * 17 + 4 * 8, "{ran}");
+    assert_eq!(summary["counts"], serde_json::json!({ "converged": 1, "partly_lost": 1 }));
+    let zones = summary["frames"][1]["zones"].as_array().unwrap();
+    assert_eq!([zones[0].get("status"), zones[1].get("status")], [None, Some(&"diverged".into())]);
+    assert_eq!(remarks(&summary["frames"][1], Code::ZoneLost).len(), 1, "{summary}");
+    let strips = desk.remarks("out", Code::ZoneLeftOver);
+    assert!(strips.len() == 1 && strips[0].text.contains("zone2: 5 px at the right, 0 px below"), "{strips:?}");
 }

@@ -11,7 +11,7 @@ use crate::remark::Remark;
 use crate::run::frames::{Reference, about_reference, windows};
 use crate::run::look::crack_auto;
 use crate::run::plan::{Plan, Zones};
-use crate::run::words::remarks::{of_border, of_grey, of_nodes};
+use crate::run::words::remarks::{left_over, of_border, of_grey, of_nodes};
 use crate::run::words::{Result, RunError, absolute};
 use rayon::ThreadPool;
 use std::path::{Component, Path};
@@ -99,6 +99,7 @@ pub fn check(plan: &Plan, pool: &ThreadPool) -> Result<Checked> {
     };
     remarks.extend(of_grey(&plan.reference_name(), &image, Saturation::of(&image, &windows(mesh))));
     remarks.extend(of_zones);
+    remarks.extend(left_over(plan.named_zones(), plan.options.mesh_size()));
     remarks.extend(of_nodes(reference).chain(reference.bare_borders().iter().map(of_border)));
     Ok(Checked {
         zones: (0..mesh.zones().len()).map(of_zone).collect(),

@@ -217,6 +217,11 @@ impl Plan {
         plan
     }
 
+    /// The zones that the user named; none where they were found.
+    pub(crate) fn named_zones(&self) -> &[CaseZone] {
+        if self.zone_found { &[] } else { &self.zones }
+    }
+
     /// Its zones were found where there is texture: a node there that lacks it is no reason to refuse the reference.
     pub(crate) fn allow_textureless(&mut self) {
         (self.zone_found, self.options.textureless_share) = (true, 1.0);
