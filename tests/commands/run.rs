@@ -441,20 +441,27 @@ fn a_case_that_cannot_be_run_is_one_clear_line() {
 }
 
 #[test]
-fn a_pixel_size_in_micrometres_is_warned_of_at_once_and_the_run_ends_in_its_time_with_the_correlation_kept() {
+fn a_pixel_size_in_micrometres_is_refused_before_anything_is_correlated_unless_it_is_meant() {
     let folder = tempfile::tempdir().unwrap();
     let base = text(made().join("case.toml")).replace("\"images/", &format!("\"{}/images/", made().display()));
+    let base = base.replace("0.00193125", "1.93125");
     let case = folder.path().join("case.toml");
-    std::fs::write(&case, base.replace("0.00193125", "1.93125")).unwrap();
     let out = folder.path().join("out");
-    let words = ["run", case.to_str().unwrap(), "--output", out.to_str().unwrap(), "--max-seconds", "3"];
-    let done = quadrille(&words);
-    let said = String::from_utf8_lossy(&done.stderr).into_owned();
-    assert_eq!(done.status.code(), Some(2), "{said}");
-    let first = said.lines().next().unwrap();
-    assert!(first.starts_with("warning: ") || said.contains("is pixel_size_mm in mm"), "{said}");
-    let warned = said.find("if micrometres are meant, it is 0.00193125").expect("the value that is meant");
-    assert!(warned < said.find("frames in ").expect("the correlation"), "{said}");
+    let run = |text: &str, seconds: &str| {
+        std::fs::write(&case, text).unwrap();
+        let words = ["run", case.to_str().unwrap(), "--output", out.to_str().unwrap(), "--max-seconds", seconds];
+        let done = quadrille(&words);
+        (done.status.code(), String::from_utf8_lossy(&done.stderr).into_owned())
+    };
+    let (code, said) = run(&base, "60");
+    assert_eq!(code, Some(2), "{said}");
+    let wanted =
+        ["case.toml", "if micrometres are meant, it is 0.00193125", "give meant = [\"pixel_size\"] if it is so"];
+    assert!(wanted.iter().all(|wanted| said.contains(wanted)) && !said.contains("frames in "), "{said}");
+    assert!(!out.join("correlation/summary.json").exists());
+    // What is meant is fitted, and the run ends in its time.
+    let (code, said) = run(&base.replace("[fit]\n", "[fit]\nmeant = [\"pixel_size\", \"thickness\"]\n"), "3");
+    assert_eq!(code, Some(2), "{said}");
     assert!(said.trim_end().lines().last().unwrap().contains("max_seconds"), "{said}");
     assert!(out.join("correlation/summary.json").exists());
 }

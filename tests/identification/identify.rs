@@ -295,6 +295,18 @@ fn where_a_large_residual_stays_the_minimum_is_found_in_few_evaluations() {
 }
 
 #[test]
+fn a_fit_that_stands_still_ends() {
+    // A slope that lowers an objective of 10 by 1e-12 a step, for ever: each step is accepted, and nothing is gained.
+    let evaluate = |z: &[f64]| {
+        let h = Dense::from_fn(1, 1, |_, _| 1e-30);
+        Some(Local { omega: 10.0 - 1e-12 * z[0], b: vec![5e-13], h, rescued: false })
+    };
+    let end = minimise(&[0.0], [&[-1e6], &[1e6]], &TrustRegionOptions::default(), evaluate);
+    assert!(end.status == FitStatus::Converged && end.evaluations == 11, "{end:?}");
+    assert!(end.reason.contains("nothing beside the noise"), "{}", end.reason);
+}
+
+#[test]
 fn the_profile_of_a_parameter_is_its_interval_where_the_problem_is_nearly_linear() {
     let Some(input) = near("weights = \"uniform\"\nboundary = \"exact\"\nnoise_mm = 5e-5", "profile = \"delta_n\"")
     else {

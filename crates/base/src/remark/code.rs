@@ -88,8 +88,8 @@ codes! {
             "Nodes on the two faces of an adhesive must lie opposite each other. Edges of zones were moved for that."
             "Check the zones in the report.";
         CrackFound "crack-found" Note
-            "A crack was looked for."
-            "Where a crack was found, or in which frames none was found."
+            "A crack was looked for, or a drawn path was moved onto it."
+            "Where a crack was found, in which frames none was found, or by how much the path was moved."
             "Check the path in the picture of the mesh, or give it in `[[crack]]`.";
     }
     "Device and folder" {
@@ -368,9 +368,9 @@ codes! {
             "The direction or the group of nodes is the wrong one."
             "Reverse `[force] direction`, or name another group.";
         ForceScaled "force-scaled" Warning
-            "The measured force is a factor apart from the computed one."
-            "The width, the unit of the load or the group of nodes may be wrong."
-            "Check `width_mm` and the unit, and whether the model holds all of the joint.";
+            "The measured force takes another course than the computed one."
+            "The text names what would bring them together: a width, moduli, a zero of the load cell, its time."
+            "Check that, the unit of the load, and whether the model holds all of the joint.";
         ScalesDiffer "scales-differ" Warning
             "A test has two scales."
             "Its mesh and its `[measurement]` state different sizes of a pixel."

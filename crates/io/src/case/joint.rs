@@ -340,6 +340,10 @@ pub struct CaseFit {
     /// `"width"`; `"rotations"` if the data were computed with small ones.
     #[schemars(extend("default" = false))]
     pub exact: Option<CaseExact>,
+    /// Values of the case that are meant although hardly anything has them: `"E"`, `"nu"`, `"sigma_0"`, `"alpha"`,
+    /// `"n"`, `"pixel_size"`, `"thickness"`. Else what is off by a thousand is refused.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub meant: Vec<String>,
     /// Of several tests: constants with one error in all tests, such as `"E"` or `"pixel_size"`. Default: those of the
     /// strips that agree in value and uncertainty.
     pub shared: Option<Vec<String>>,

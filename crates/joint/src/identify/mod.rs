@@ -64,6 +64,7 @@ pub use solve::watch::{Ended, FitProgress, FitWatch};
 use cases::error::wrong;
 use doubt::discretisation::Refined;
 use doubt::misfit::{FALSE_REJECTIONS, as_normal, normal_tail};
+use doubt::plausibility::unless_meant;
 use intervals::axes::Axes;
 use intervals::bootstrap::Base;
 use intervals::budget::Ingredients;

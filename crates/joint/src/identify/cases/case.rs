@@ -9,7 +9,7 @@ use crate::identify::objective::observation::remove_motion;
 use crate::identify::{
     FitError, FitOptions, FitWatch, LoadCell, Noise, Observation, ObservedInstant, Precision, Problem,
     TrustRegionOptions, Unknown, Unknowns, even_texture, implausible_joint, largest_without_rigid_motion,
-    latin_hypercube, prescribed_of, wrong,
+    latin_hypercube, prescribed_of, unless_meant, wrong,
 };
 use crate::io::case::{
     BoundaryNoise, CaseBootstrap, CaseFit, CaseMeasurement, CaseNodes, CasePathControl, Discretisation, Intervals,
@@ -182,7 +182,8 @@ impl<'a> Case<'a> {
         let about = describe(&observation, &noise, weights, boundary);
         let (observation, noise, watch) = (Arc::new(observation), Arc::new(noise), FitWatch::default());
         let problem = Problem { joint, observation, noise, unknowns, watch };
-        found.extend(implausible_joint(&problem, problem.observation.pixel_size_mm));
+        let implausible = implausible_joint(&problem, problem.observation.pixel_size_mm);
+        found.extend(unless_meant(implausible, &table.meant)?);
         let max_seconds = table.max_seconds.map(|seconds| positive("fit", "max_seconds", seconds)).transpose()?;
         Ok(Self {
             problem,

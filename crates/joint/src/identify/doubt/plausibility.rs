@@ -3,7 +3,7 @@
 //! Thresholds are wide: what they catch is a wrong unit, a wrong row of a table, a wrong scale. docs/identification.md
 //! lists them.
 
-use crate::identify::Problem;
+use crate::identify::{FitError, Problem, wrong};
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump, Traction};
 use crate::mechanics::substrate::SubstrateLaw;
@@ -36,6 +36,9 @@ const THICKEST: f64 = 20.0;
 const LOADED: f64 = 0.1;
 /// The same for values that a fit starts from.
 const LOADED_AT_START: f64 = 0.01;
+
+/// The value in a remark with which a thousandth or a thousand times of the given one is meant.
+pub(crate) const MEANT: &str = "meant";
 
 /// The value of `name`, which hardly anything has.
 fn implausible(code: Code, name: impl Into<String>, value: f64, unit: &str, text: impl Into<String>) -> Remark {
@@ -82,6 +85,30 @@ pub fn implausible_joint(problem: &Problem<'_>, mm_per_px: Option<f64>) -> Vec<R
         }
     }
     found
+}
+
+/// What is implausible of a case and not named as `meant` by it.
+///
+/// # Errors
+/// What is off by a thousand: a fit to that takes long and means nothing.
+pub(crate) fn unless_meant(found: Vec<Remark>, meant: &[String]) -> Result<Vec<Remark>, FitError> {
+    const NAMES: [&str; 7] = ["E", "nu", "sigma_0", "alpha", "n", "pixel_size", "thickness"];
+    if let Some(name) = meant.iter().find(|name| !NAMES.contains(&name.as_str())) {
+        return Err(wrong("fit", "meant", format!("meant: no \"{name}\"; it takes {}", NAMES.join(", "))));
+    }
+    // "E of upper" is an E.
+    let name = |remark: &Remark| match &remark.about {
+        About::Parameter(name) => name.split(' ').next().unwrap_or_default().to_owned(),
+        _ => String::new(),
+    };
+    let found: Vec<Remark> = found.into_iter().filter(|remark| !meant.contains(&name(remark))).collect();
+    match found.iter().find(|remark| remark.values.contains_key(MEANT)) {
+        Some(remark) => {
+            let what = format!("{}; correct it, or give meant = [\"{}\"] if it is so", remark.text, name(remark));
+            Err(wrong("fit", "meant", what))
+        }
+        None => Ok(found),
+    }
 }
 
 /// What is implausible of the law that a fit ended at, beside its strips and the jumps that the joint reached.
@@ -140,8 +167,9 @@ fn value(material: &dyn SubstrateLaw, name: &str) -> Option<f64> {
 
 fn of_material(material: &dyn SubstrateLaw, of: &str, law: &dyn CohesiveLaw, found: &mut Vec<Remark>) {
     let young = material.young();
-    let mut add = |name: &str, value: f64, unit, text: String| {
-        found.push(implausible(Code::MaterialImplausible, format!("{name}{of}"), value, unit, text));
+    let mut add = |name: &str, value: f64, unit, text: String, meant: Option<f64>| {
+        let remark = implausible(Code::MaterialImplausible, format!("{name}{of}"), value, unit, text);
+        found.push(meant.into_iter().fold(remark, |remark, meant| remark.with(MEANT, meant)));
     };
     let sigma_0 = value(material, "sigma_0");
     let peak = law.peak().normal.max(law.peak().tangential);
@@ -156,36 +184,41 @@ fn of_material(material: &dyn SubstrateLaw, of: &str, law: &dyn CohesiveLaw, fou
         _ => String::new(),
     };
     if too_soft {
-        let what = match in_metals(1e3 * young) {
-            true => format!("GPa meant? ({} MPa)", 1e3 * young),
-            false => "no metal, polymer or wood is so soft".to_owned(),
+        let meant = Some(1e3 * young).filter(|gpa| in_metals(*gpa));
+        let what = match meant {
+            Some(gpa) => format!("GPa meant? ({gpa} MPa)"),
+            None => "no metal, polymer or wood is so soft".to_owned(),
         };
-        add("E", young, "MPa", format!("E{of} = {young} MPa{beside}: {what}"));
+        add("E", young, "MPa", format!("E{of} = {young} MPa{beside}: {what}"), meant);
     } else if young > YOUNG[1] {
-        let meant = if in_metals(1e-6 * young) { format!(": Pa meant? ({} MPa)", 1e-6 * young) } else { String::new() };
-        add("E", young, "MPa", format!("E{of} = {young} MPa is stiffer than diamond{meant}"));
+        // Of 1000 times as much, too, no solid is meant.
+        let pa = 1e-6 * young;
+        let what = if in_metals(pa) { format!(": Pa meant? ({pa} MPa)") } else { String::new() };
+        add("E", young, "MPa", format!("E{of} = {young} MPa is stiffer than diamond{what}"), Some(pa));
     }
     if let Some(nu) = value(material, "nu").filter(|nu| !(0.0..0.5).contains(nu)) {
-        add("nu", nu, "1", format!("nu{of} = {nu}: Poisson's ratio of a solid lies between 0 and 0.5"));
+        add("nu", nu, "1", format!("nu{of} = {nu}: Poisson's ratio of a solid lies between 0 and 0.5"), None);
     }
     if let Some(sigma_0) = sigma_0 {
         if !(YIELD[0]..=YIELD[1]).contains(&sigma_0) {
-            let meant = if sigma_0 < YIELD[0] { "GPa meant?" } else { "Pa meant?" };
-            add("sigma_0", sigma_0, "MPa", format!("sigma_0{of} = {sigma_0} MPa: nothing yields there; {meant}"));
+            let (unit, meant) = if sigma_0 < YIELD[0] { ("GPa", 1e3 * sigma_0) } else { ("Pa", 1e-6 * sigma_0) };
+            let text = format!("sigma_0{of} = {sigma_0} MPa: nothing yields there; {unit} meant?");
+            add("sigma_0", sigma_0, "MPa", text, Some(meant));
         } else if sigma_0 < YIELD_STRAIN[0] * young {
             let what = format!(
                 "sigma_0{of} = {sigma_0} MPa is {:.1e} of E = {young} MPa: no metal is so soft",
                 sigma_0 / young
             );
-            add("sigma_0", sigma_0, "MPa", what);
+            add("sigma_0", sigma_0, "MPa", what, None);
         }
     }
     if let Some(alpha) = value(material, "alpha").filter(|alpha| !(ALPHA[0]..=ALPHA[1]).contains(alpha)) {
         let what = format!("alpha{of} = {alpha}: the plastic strain at sigma_0 is usually 0.01 to 1 of sigma_0/E");
-        add("alpha", alpha, "1", what);
+        add("alpha", alpha, "1", what, None);
     }
     if let Some(n) = value(material, "n").filter(|n| *n > LARGEST_EXPONENT) {
-        add("n", n, "1", format!("n{of} = {n}: hardening exponents of metals lie between 2 and {LARGEST_EXPONENT}"));
+        let what = format!("n{of} = {n}: hardening exponents of metals lie between 2 and {LARGEST_EXPONENT}");
+        add("n", n, "1", what, None);
     }
 }
 
@@ -200,7 +233,7 @@ fn lengths(joint: &Joint, mm_per_px: Option<f64>, found: &mut Vec<Remark>) {
                 "1 px = {mm} mm makes a joint of {:.4} mm with an adhesive {gap:.4} mm thick: is pixel_size_mm in mm?{meant}",
                 mesh.extent()
             );
-            found.push(implausible(Code::LengthImplausible, "pixel_size", mm, "mm", what));
+            found.push(implausible(Code::LengthImplausible, "pixel_size", mm, "mm", what).with(MEANT, mm * 1e-3));
         }
         if gap < mm {
             let what = format!(
@@ -211,7 +244,11 @@ fn lengths(joint: &Joint, mm_per_px: Option<f64>, found: &mut Vec<Remark>) {
     }
     let height = strip_height(joint);
     let what = match gap {
-        gap if gap > THICKEST => format!("an adhesive of {gap:.4} mm: are all lengths in mm?"),
+        gap if gap > THICKEST => {
+            let what = format!("an adhesive of {gap:.4} mm: are all lengths in mm?");
+            found.push(implausible(Code::LengthImplausible, "thickness", gap, "mm", what).with(MEANT, gap * 1e-3));
+            return;
+        }
         gap if gap > height => {
             format!("the adhesive of {gap:.3e} mm is thicker than a strip of {height:.3e} mm beside it")
         }

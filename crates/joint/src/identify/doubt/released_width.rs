@@ -1,10 +1,14 @@
-//! Do force and displacements want the same parameters? The width of the specimen as one more unknown.
+//! Do force and displacements want the same parameters? The width of the specimen as one more unknown, and other faults
+//! of a load, each alone.
 
 use crate::identify::{ConstantEffect, ConstantKind, Evaluation, NORMAL_95, ObservedInstant, Problem, Weights};
 use crate::linalg::Dense;
 
-/// The width of the specimen as one more unknown: do forces and displacements want the same parameters?
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Of several changes that lower the objective those that lower it by this share of what the best one does are named.
+const AS_GOOD: f64 = 0.7;
+
+/// The width of the specimen as one more unknown: do force and displacements want the same parameters?
+#[derive(Debug, Clone, PartialEq)]
 pub struct ReleasedWidth {
     /// The width that the case gives, mm.
     pub prescribed_mm: f64,
@@ -16,6 +20,31 @@ pub struct ReleasedWidth {
     pub allowed_mm: f64,
     /// What the objective falls by.
     pub gain: f64,
+    /// What else would bring both together, each alone, where the data ask for it.
+    pub others: Vec<LoadFault>,
+}
+
+/// A change of the load, or of a constant, that would bring force and displacements together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LoadFault {
+    /// In words, with its size.
+    pub text: String,
+    /// What the objective falls by.
+    pub gain: f64,
+}
+
+/// One more unknown: its value, its standard uncertainty by the noise, and that of all that is uncertain.
+struct Unknown {
+    value: f64,
+    std: f64,
+    allowed: f64,
+    gain: f64,
+}
+
+impl Unknown {
+    fn contradicts(&self) -> bool {
+        self.gain > ReleasedWidth::LIMIT && self.value.abs() > NORMAL_95 * self.allowed
+    }
 }
 
 impl ReleasedWidth {
@@ -27,16 +56,23 @@ impl ReleasedWidth {
         self.gain > Self::LIMIT && (self.value_mm - self.prescribed_mm).abs() > NORMAL_95 * self.allowed_mm
     }
 
-    /// What there is to say, when they do.
+    /// What there is to say, where force and displacements contradict each other.
     pub fn sentence(&self) -> Option<String> {
-        self.contradicts().then(|| {
-            format!(
-                "force and displacements contradict each other: width_mm = {} is refused, as an unknown it is {:.4} +- {:.2}, and omega \
-                 falls by {:.0}; check width_mm, the unit, the zero and the group of the load cell, and whether the model holds all of \
-                 the joint that bears the load",
-                self.prescribed_mm, self.value_mm, self.std_mm, self.gain
-            )
-        })
+        let own = self.contradicts().then(|| LoadFault {
+            text: format!("width_mm = {:.4} +- {:.2} in place of {}", self.value_mm, self.std_mm, self.prescribed_mm),
+            gain: self.gain,
+        });
+        let mut faults: Vec<&LoadFault> = own.iter().chain(&self.others).collect();
+        faults.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        let best = faults.first()?.gain;
+        let named = faults.iter().filter(|fault| fault.gain >= AS_GOOD * best);
+        let named: Vec<String> =
+            named.map(|fault| format!("{} (omega falls by {:.0})", fault.text, fault.gain)).collect();
+        Some(format!(
+            "force and displacements contradict each other; what would bring them together: {}; check that, the unit and the group \
+             of the load cell, and whether the model holds all of the joint that bears the load",
+            named.join(", or ")
+        ))
     }
 }
 
@@ -62,24 +98,75 @@ impl Problem<'_> {
         };
         let change: Vec<Dense> = self.observation.instants.iter().map(by_width).collect();
         let a = evaluation.local(weights, &self.noise).h.cholesky().ok()?.inverse();
-        let (square, left) = self.not_absorbed(weights, &evaluation.jacobian(), &a, &change);
-        let weighted = weights.times(&self.noise, &left);
-        // What other rows move the width by, with all parameters free.
-        let moved = |rows: &[Dense]| {
-            weighted.iter().zip(rows).map(|(w, rows)| w.transposed_times(rows)[(0, 0)]).sum::<f64>() / square
+        // A change of the rows as one more unknown beside all parameters, `own` among the constants.
+        let release = |change: &[Dense], own: &dyn Fn(&ConstantKind) -> bool, prescribed_std: f64| {
+            let (square, left) = self.not_absorbed(weights, &evaluation.jacobian(), &a, change);
+            let weighted = weights.times(&self.noise, &left);
+            let moved = |rows: &[Dense]| {
+                weighted.iter().zip(rows).map(|(w, rows)| w.transposed_times(rows)[(0, 0)]).sum::<f64>() / square
+            };
+            let value = moved(&evaluation.residual());
+            let others = effects.iter().filter(|effect| !own(&effect.constant.kind));
+            let by_others: f64 = others.map(|effect| moved(&effect.rows).powi(2)).sum();
+            let by_size = refined.map_or(0.0, moved);
+            let std = square.sqrt().recip();
+            let allowed = (std * std + by_others + by_size * by_size + prescribed_std * prescribed_std).sqrt();
+            let unknown = Unknown { value, std, allowed, gain: value * value * square };
+            (unknown.gain.is_finite() && allowed.is_finite()).then_some(unknown)
         };
-        let by = moved(&evaluation.residual());
-        let others = effects.iter().filter(|effect| effect.constant.kind != ConstantKind::Width);
-        let by_others: f64 = others.map(|effect| moved(&effect.rows).powi(2)).sum();
-        let by_size = refined.map_or(0.0, moved);
-        let std_mm = square.sqrt().recip();
-        let released = ReleasedWidth {
+        let width = release(&change, &|kind| *kind == ConstantKind::Width, prescribed_std)?;
+        let others = self.other_faults(&change, cell.width_mm, effects, &release);
+        Some(ReleasedWidth {
             prescribed_mm: cell.width_mm,
-            value_mm: cell.width_mm + by,
-            std_mm,
-            allowed_mm: (std_mm * std_mm + by_others + by_size * by_size + prescribed_std * prescribed_std).sqrt(),
-            gain: by * by * square,
+            value_mm: cell.width_mm + width.value,
+            std_mm: width.std,
+            allowed_mm: width.allowed,
+            gain: width.gain,
+            others,
+        })
+    }
+
+    /// A zero of the load, its time, and moduli: what of these the data ask for. `by_width`: forces by mm of width.
+    fn other_faults(
+        &self,
+        by_width: &[Dense],
+        width_mm: f64,
+        effects: &[ConstantEffect],
+        release: &dyn Fn(&[Dense], &dyn Fn(&ConstantKind) -> bool, f64) -> Option<Unknown>,
+    ) -> Vec<LoadFault> {
+        let instants = &self.observation.instants;
+        let Some(row) = self.observation.force_row() else { return Vec::new() };
+        let mut faults = Vec::new();
+        let mut add = |unknown: Option<Unknown>, text: &dyn Fn(&Unknown) -> String| {
+            let asked = unknown.filter(Unknown::contradicts);
+            faults.extend(asked.map(|unknown| LoadFault { text: text(&unknown), gain: unknown.gain }));
         };
-        (released.gain.is_finite() && released.allowed_mm.is_finite()).then_some(released)
+        let of_force = |k: usize, force: f64| self.observation.column(instants[k].index, |_, _| 0.0, |_| force);
+        let force = |k: usize| width_mm * by_width[k][(row, 0)];
+        let zero: Vec<Dense> = (0..instants.len()).map(|k| of_force(k, 1.0)).collect();
+        // What is measured is the computed force and the zero.
+        add(release(&zero, &|_| false, 0.0), &|u| {
+            format!("a load cell whose zero is {:+.4} +- {:.2} N", u.value, u.std)
+        });
+        let slope = |k: usize| {
+            let (low, high) = (k.saturating_sub(1), (k + 1).min(instants.len() - 1));
+            let apart = instants[high].index - instants[low].index;
+            if apart == 0 { 0.0 } else { (force(high) - force(low)) / apart as f64 }
+        };
+        let later: Vec<Dense> = (0..instants.len()).map(|k| of_force(k, slope(k))).collect();
+        add(release(&later, &|_| false, 0.0), &|u| {
+            let way = if u.value > 0.0 { "later" } else { "earlier" };
+            format!("loads of {:.3} +- {:.2} instants {way} than the images", u.value.abs(), u.std)
+        });
+        for effect in effects.iter().filter(|effect| matches!(effect.constant.kind, ConstantKind::Material { .. })) {
+            let own = |kind: &ConstantKind| *kind == effect.constant.kind;
+            // One is its standard uncertainty.
+            let unknown = release(&effect.rows, &own, 1.0);
+            add(unknown, &|u| {
+                let constant = &effect.constant;
+                format!("{} off by {:+.4} {}", constant.name, u.value * constant.std, constant.unit)
+            });
+        }
+        faults
     }
 }

@@ -123,12 +123,11 @@ pub(crate) fn force_opposite(group: &str) -> Remark {
     Remark::new(Code::ForceOpposite, About::Load, text).with("group", group)
 }
 
-pub(crate) fn force_scaled(group: &str, scale: f64, width_mm: f64) -> Remark {
+/// `likely`: what would explain it.
+pub(crate) fn force_scaled(group: &str, scale: f64, width_mm: f64, likely: &str) -> Remark {
     let text = format!(
-        "the measured load of {group} is {scale:.3} times the computed one in the mean, as if the width were {:.4} mm \
-         and not {width_mm} mm: check width_mm, the unit of the load, and whether the model holds all of the joint \
-         that bears it",
-        scale * width_mm
+        "the measured load of {group} is {scale:.3} times the computed one in the mean; what would bring them \
+         together: {likely}; check that, the unit of the load, and whether the model holds all of the joint that bears it"
     );
     let remark = Remark::new(Code::ForceScaled, About::Load, text).with("group", group);
     remark.with("scale", scale).with("width_mm", width_mm)

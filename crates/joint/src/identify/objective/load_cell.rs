@@ -15,6 +15,9 @@ const TURNED: f64 = 0.01;
 /// Measured over computed force from which a wrong width, unit or group is named.
 const OFF: f64 = 0.05;
 
+/// Of the changes that explain a difference those are named that leave up to so many times what the best one does.
+const AS_GOOD: f64 = 1.5;
+
 /// What the load cell measured, and where.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoadCell {
@@ -152,7 +155,37 @@ impl LoadComparison {
         )
     }
 
-    /// What is to be looked at: forces of the other sign, or a factor apart.
+    /// What one change alone leaves of the difference, N rms, and in words which: the least first.
+    fn causes(&self, cell: &LoadCell) -> Vec<(f64, String)> {
+        let points = &self.points;
+        let n = points.len() as f64;
+        let rms = |off: &dyn Fn(usize) -> f64| ((0..points.len()).map(|k| off(k).powi(2)).sum::<f64>() / n).sqrt();
+        let off = |k: usize| points[k].1 - points[k].2;
+        // Of the computed force from instant to instant.
+        let slope = |k: usize| {
+            let (low, high) = (&points[k.saturating_sub(1)], &points[(k + 1).min(points.len() - 1)]);
+            if high.0 == low.0 { 0.0 } else { (high.2 - low.2) / (high.0 - low.0) as f64 }
+        };
+        let (both, square) = (0..points.len())
+            .fold((0.0, 0.0), |(both, square), k| (both + off(k) * slope(k), square + slope(k) * slope(k)));
+        let zero = (0..points.len()).map(off).sum::<f64>() / n;
+        let mut causes = vec![(rms(&|k| off(k) - zero), format!("a load cell whose zero is {zero:+.4} N"))];
+        causes.extend(self.scale.map(|scale| {
+            let width = scale * cell.width_mm;
+            let what =
+                format!("width_mm = {width:.4} in place of {}, or moduli {scale:.3} times as large", cell.width_mm);
+            (rms(&|k| points[k].1 - scale * points[k].2), what)
+        }));
+        if square > 0.0 {
+            let (later, way) = (both / square, if both > 0.0 { "later" } else { "earlier" });
+            let what = format!("loads of {:.2} instants {way} than the images", later.abs());
+            causes.push((rms(&|k| off(k) - later * slope(k)), what));
+        }
+        causes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        causes
+    }
+
+    /// What is to be looked at: forces of the other sign, or another course than the computed ones.
     pub fn remark(&self, cell: &LoadCell) -> Option<Remark> {
         let scale = self.scale?;
         if scale < 0.0 {
@@ -161,7 +194,13 @@ impl LoadComparison {
         // What the noise of the load cell makes of the factor counts.
         let square: f64 = self.points.iter().map(|(_, _, computed)| computed * computed).sum();
         let by_noise = cell.std_n.map_or(0.0, |std| 3.0 * std / square.sqrt());
-        let is_off = (scale - 1.0).abs() > OFF.max(by_noise);
-        is_off.then(|| remarks::force_scaled(&cell.group.name, scale, cell.width_mm))
+        let causes = self.causes(cell);
+        let least = causes.first()?.0;
+        let by_chance = 3.0 * cell.std_n.unwrap_or(0.0);
+        let is_explained = self.rms_n > by_chance.max(OFF * self.peak_n) && least < 0.5 * self.rms_n;
+        let is_off = is_explained || (scale - 1.0).abs() > OFF.max(by_noise);
+        let likely = causes.iter().filter(|(left, _)| *left <= AS_GOOD * least);
+        let likely: Vec<String> = likely.map(|(left, what)| format!("{what} (leaves {left:.3} N rms)")).collect();
+        is_off.then(|| remarks::force_scaled(&cell.group.name, scale, cell.width_mm, &likely.join(", or ")))
     }
 }

@@ -43,8 +43,8 @@ pub struct TrustRegionOptions {
     pub first_radius: f64,
     /// Largest radius.
     pub max_radius: f64,
-    /// Share of the objective by which ten evaluations together have to lower it, else the fit has converged too; 0
-    /// for none. Far below what noise makes of the objective it ends a fit that creeps along a direction of which
+    /// Share of the objective by which ten evaluations together have to lower it, else the fit has converged too; with
+    /// 0 a fit that stands still has converged only where nothing is left to gain. Far below what noise makes of the objective it ends a fit that creeps along a direction of which
     /// the data say nothing, or that lies on a kink of the law.
     pub standstill: f64,
 }
@@ -141,6 +141,9 @@ impl End {
 
 /// Evaluations within which a fit has to get on, see [`TrustRegionOptions::standstill`].
 const PATIENCE: usize = 10;
+/// Share of the objective by which [`PATIENCE`] evaluations have to lower it in any fit: far below what any noise makes
+/// of it.
+const STANDS_STILL: f64 = 1e-9;
 /// Share of the objective below which its differences are round-off.
 const ROUND_OFF: f64 = 1e-12;
 
@@ -239,17 +242,19 @@ fn end_of_radius(radius: f64, solved: bool, options: &TrustRegionOptions) -> (Fi
     }
 }
 
-/// Says why it ends where the last evaluations lowered the objective by next to nothing; `omegas` is the least one
-/// after each.
-fn standstill(omegas: &[f64], options: &TrustRegionOptions) -> Option<String> {
+/// Says how and why it ends where the last evaluations lowered the objective by next to nothing; `omegas` is the least
+/// one after each, `left` what the longest step would lower it by.
+fn standstill(omegas: &[f64], options: &TrustRegionOptions, left: impl Fn() -> f64) -> Option<(FitStatus, String)> {
     let omega = *omegas.last()?;
     let gained = omegas.iter().rev().nth(PATIENCE)? - omega;
-    (options.standstill > 0.0 && gained < options.standstill * omega).then(|| {
-        format!(
-            "{PATIENCE} evaluations lowered the objective by {gained:.1e} of {omega:.4}, which is nothing beside the \
-             noise"
-        )
-    })
+    if gained >= options.standstill.max(STANDS_STILL) * omega {
+        return None;
+    }
+    let reason = format!("{PATIENCE} evaluations lowered the objective by {gained:.1e} of {omega:.4}");
+    match options.standstill > 0.0 || left() < STANDS_STILL.sqrt() * omega {
+        true => Some((FitStatus::Converged, format!("{reason}, which is nothing beside the noise"))),
+        false => Some((FitStatus::Stalled, reason)),
+    }
 }
 
 /// The same; `limits` gives the distances of what ends the range of the unknowns beside their bounds, with their
@@ -283,7 +288,7 @@ pub(crate) fn minimise_unless(
         return End { z, local: None, status, reason: reason.into(), evaluations, history };
     };
     let mut secant = Secant::new(z.len());
-    // The least objective after each evaluation that had a value.
+    // The least objective after each evaluation.
     let mut omegas = vec![local.omega];
     // Whether the last trial had one.
     let mut solved = true;
@@ -314,8 +319,13 @@ pub(crate) fn minimise_unless(
         if let Some((status, reason)) = ended() {
             break (status, format!("{reason} after {evaluations} evaluations, the last scaled step was {size:.1e}"));
         }
-        if let Some(reason) = standstill(&omegas, options) {
-            break (FitStatus::Converged, reason);
+        let left = || {
+            let region = StepRegion { lower: &below, upper: &above, radius: options.max_radius };
+            let step = cone_step_beside(&h, &local.b, &region, &beside);
+            step.map_or(f64::INFINITY, |step| predicted(&h, &local.b, &step))
+        };
+        if let Some(end) = standstill(&omegas, options, left) {
+            break end;
         }
         if evaluations >= options.max_evaluations {
             let reason = format!("{evaluations} evaluations, the last scaled step was {size:.1e}");
@@ -333,6 +343,7 @@ pub(crate) fn minimise_unless(
                 break (status, format!("{reason} in evaluation {evaluations}"));
             }
             radius = 0.25 * length(&step);
+            omegas.push(local.omega);
             continue;
         };
         let gain = local.omega - new.omega;
