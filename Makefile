@@ -50,6 +50,7 @@ study: ## Uncertainty, identification over many seeds and draws, obstacles, for 
 	scripts/drivers.sh --long --release
 	scripts/flicker.py --output out/study/flicker
 	-$(PYTHON) scripts/verdicts.py --out out/study/verdicts.md
+	-$(PYTHON) scripts/status.py
 
 fuzz: ## Attack all readers of files, guided by coverage, SECONDS=3600 for each; findings in out/fuzz
 	scripts/fuzz.sh $(or $(SECONDS),3600)

@@ -91,14 +91,10 @@ pub(crate) fn resolved_zones(wanted: &[CaseZone]) -> Vec<CaseZone> {
     let file = |name: &Option<String>| name.as_ref().map(|name| absolute(Path::new(name)));
     let complete = |(at, zone): (usize, &CaseZone)| CaseZone {
         // The zones of a mesh file have its names, unless one is given.
-        name: zone.name.clone().or_else(|| zone.mesh.is_none().then(|| name_of(at, zone))),
+        name: zone.name.clone().or_else(|| zone.mesh.is_none().then(|| zone.name_at(at))),
         mask: file(&zone.mask),
         mesh: file(&zone.mesh),
         ..zone.clone()
     };
     wanted.iter().enumerate().map(complete).collect()
-}
-
-pub(crate) fn name_of(at: usize, zone: &CaseZone) -> String {
-    zone.name.clone().unwrap_or_else(|| format!("zone{}", at + 1))
 }

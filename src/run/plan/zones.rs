@@ -8,7 +8,6 @@ use crate::mesh::{Crack, Guard, Mask, MeshError, Zone, ZoneElements};
 use crate::remark::Remark;
 use crate::run::plan::Plan;
 use crate::run::plan::found::Found;
-use crate::run::plan::wanted::name_of;
 use crate::run::words::Result;
 use crate::run::words::remarks::{of_zone_file, zones_found};
 use std::collections::HashMap;
@@ -47,7 +46,7 @@ impl Zones {
         let mut found = Self::default();
         let mut masks: HashMap<PathBuf, Arc<Mask>> = HashMap::new();
         for (at, zone) in wanted.iter().enumerate() {
-            let name = name_of(at, zone);
+            let name = zone.name_at(at);
             let mut region = Zone {
                 name: name.clone(),
                 roi: zone.rectangle(),

@@ -286,6 +286,11 @@ pub enum CaseElements {
 }
 
 impl CaseZone {
+    /// Its name in every output, as the zone number `at` (0 the first).
+    pub fn name_at(&self, at: usize) -> String {
+        self.name.clone().unwrap_or_else(|| format!("zone{}", at + 1))
+    }
+
     /// The rectangle, when the file gives one.
     pub fn rectangle(&self) -> Option<Roi> {
         self.roi.map(|[x0, y0, x1, y1]| Roi { x0, y0, x1, y1 })
