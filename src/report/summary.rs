@@ -41,6 +41,9 @@ pub struct Summary {
     /// The one in effect: a hundredth of the smallest standard uncertainty where that is more, absent where it is not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tolerance_in_effect_px: Option<f64>,
+    /// Standard deviation of the Gaussian by which a noisy reference is smoothed for its gradient, absent where it is not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gradient_smoothing_px: Option<f64>,
     /// Decoded reference to factorised matrix, pyramid and uncertainty of all nodes, seconds.
     pub seconds_reference: f64,
     /// The whole run so far, files included, seconds.

@@ -4,7 +4,7 @@
 use crate::common;
 use crate::common::scenes;
 use common::{inside, prepared};
-use quadrille::correlate::{CrackSearch, NoCrack, Options, search_cracks};
+use quadrille::correlate::{CrackSearch, NoCrack, Options, move_onto_crack, search_cracks};
 use quadrille::field::{CrackLine, Measurement, NodalNoise, Status};
 use quadrille::imaging::Image;
 use quadrille::mesh::{Crack, Zone};
@@ -112,6 +112,35 @@ fn a_crack_is_found_within_an_element_and_opens_as_along_its_true_path() {
             let rms = (inside.iter().map(by_sigma).map(|z| z * z).sum::<f64>() / inside.len() as f64).sqrt();
             // Noise, and a path that is a pixel off.
             assert!(inside.len() > 8 && worst < 5.0 && rms < 2.0, "{what}, {name}: {rms} and {worst} sigma off");
+        }
+    }
+}
+
+#[test]
+fn a_path_drawn_beside_the_crack_is_moved_onto_it_and_its_openings_are_right() {
+    for (line, tip, most) in [
+        (Straight { at: [160.0, 147.0], slope: 0.0 }, 1e6, 2.0),
+        (Straight { at: [160.0, 147.0], slope: 0.0 }, 1e6, 9.0),
+        (Straight { at: [160.0, 163.0], slope: 0.3 }, 210.0, 3.0),
+    ] {
+        let opening = move |x: f64| if tip > 1e5 { most } else { most * ((tip - x) / tip).clamp(0.0, 1.0).sqrt() };
+        let images = cracked(line, opening);
+        let uncut = field(&images, &inside(SIDE, SIDE, 16));
+        let normal = 1.0 / 1f64.hypot(line.slope);
+        for off in [0.0, 2.0, -4.0, 6.0, -8.0] {
+            let end = if tip > 1e5 { 319.0 } else { tip + 32.0 };
+            let drawn = [[0.0, line.y(0.0) + off], [end, line.y(end) + off]];
+            let on_it = move_onto_crack(&drawn, &uncut, [&images[0], &images[1]]).expect("the crack is seen");
+            let moved = on_it.by_px > 0.0;
+            println!("{most} px open, {off} px off: moved by {:.1} px to {:?}", on_it.by_px, on_it.path);
+            assert!(off.abs() < 3.0 || moved, "{most} px open, {off} px off: {on_it:?}");
+            assert!(off != 0.0 || !moved, "{on_it:?}");
+            let openings = openings(&images, &on_it.path);
+            let inside: Vec<_> = openings.iter().filter(|(at, ..)| at[0] < tip - 32.0).collect();
+            let by_sigma = |(at, value, sigma): &&([f64; 2], f64, f64)| (value - normal * opening(at[0])) / sigma;
+            let rms = (inside.iter().map(by_sigma).map(|z| z * z).sum::<f64>() / inside.len() as f64).sqrt();
+            // Noise, and a path that is a pixel off.
+            assert!(inside.len() > 8 && rms < 2.0, "{most} px open, {off} px off: {rms} sigma off, {inside:?}");
         }
     }
 }

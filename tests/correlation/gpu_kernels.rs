@@ -112,7 +112,7 @@ fn asked<B: Backend>(backend: &B, case: &Case, laid: &Laid) -> Answer {
     let [reference, deformed] = &case.images;
     let mut reference = backend.frame(reference.clone(), &laid.options).unwrap();
     let mut deformed = backend.frame(deformed.clone(), &laid.options).unwrap();
-    let (mut level, moments) = backend.reference(&mut reference, case.level, &laid.mesh, &laid.options).unwrap();
+    let (mut level, moments) = backend.reference(&mut reference, case.level, &laid.mesh, &laid.options, None).unwrap();
     backend.restrict(&mut level, &laid.active).unwrap();
     let transfer: Vec<GreyTransfer> =
         laid.transfer.iter().map(|&[gain, offset]| GreyTransfer { gain, offset }).collect();
@@ -548,8 +548,8 @@ fn assert_prolonged<B: Backend>(device: &str, backend: &B) {
     let coarse = Case { level: 1, ..at.clone() }.laid();
     let mut reference = backend.frame(pair[0].clone(), &fine.options).unwrap();
     let mut frame = backend.frame(pair[1].clone(), &fine.options).unwrap();
-    let (mut level, _) = backend.reference(&mut reference, 0, &fine.mesh, &fine.options).unwrap();
-    let (coarser, _) = backend.reference(&mut reference, 1, &coarse.mesh, &fine.options).unwrap();
+    let (mut level, _) = backend.reference(&mut reference, 0, &fine.mesh, &fine.options, None).unwrap();
+    let (coarser, _) = backend.reference(&mut reference, 1, &coarse.mesh, &fine.options, None).unwrap();
     let n = coarse.mesh.mesh.n_nodes() as u32;
     let places: Vec<Place> = (0..fine.mesh.mesh.n_nodes() as u32)
         .map(|node| {
@@ -593,7 +593,7 @@ fn assert_light_is_taken_away<B: Backend>(device: &str, backend: &B, round_off: 
     let laid = case("", &pair, inside(150, 118, 3), 16).laid();
     let mut reference = backend.frame(pair[0].clone(), &laid.options).unwrap();
     let mut frame = backend.frame(pair[1].clone(), &laid.options).unwrap();
-    let (level, _) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options).unwrap();
+    let (level, _) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options, None).unwrap();
     let mut field = backend.start(&level, &mut frame, &laid.displacement, &[GreyTransfer::NONE]).unwrap();
     // Of the deformed image, which do not depend on the transfer of the zone.
     let sums = |frame: &mut B::Frame, field: &mut B::Field| -> Vec<[f64; 3]> {
@@ -648,7 +648,7 @@ fn assert_step<B: Backend>(device: &str, backend: &B, element_size: usize) {
     let laid = at.laid();
     let mut reference = backend.frame(pair[0].clone(), &laid.options).unwrap();
     let mut frame = backend.frame(pair[1].clone(), &laid.options).unwrap();
-    let (level, moments) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options).unwrap();
+    let (level, moments) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options, None).unwrap();
     let (matrix, solver) = solver_of(backend, &level, &laid.mesh.mesh, &moments, 1.0);
     let transfer = [GreyTransfer { gain: 1.07, offset: -3.4 }];
     let mut field = backend.start(&level, &mut frame, &laid.displacement, &transfer).unwrap();
@@ -700,7 +700,7 @@ fn three_steps<B: Backend>(backend: &B, ahead: &Ahead) -> ((Vec<Step>, Found), u
     let laid = at.laid();
     let mut reference = backend.frame(pair[0].clone(), &laid.options).unwrap();
     let mut frame = backend.frame(pair[1].clone(), &laid.options).unwrap();
-    let (level, moments) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options).unwrap();
+    let (level, moments) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options, None).unwrap();
     let (_, solver) = solver_of(backend, &level, &laid.mesh.mesh, &moments, 1.0);
     let mut field = backend.start(&level, &mut frame, &laid.displacement, &[GreyTransfer::NONE]).unwrap();
     let mut step = |left: usize| {
@@ -746,7 +746,7 @@ fn a_step_that_ends_a_batch_before_its_time_can_be_made_again_and_its_field_is_t
     let pair = images(width, height, Depth::U8);
     let laid = Case { motion: [0.2, -0.3], ..case("", &pair, inside(width, height, 8), 16) }.laid();
     let mut reference = gpu.frame(pair[0].clone(), &laid.options).unwrap();
-    let (level, moments) = gpu.reference(&mut reference, 0, &laid.mesh, &laid.options).unwrap();
+    let (level, moments) = gpu.reference(&mut reference, 0, &laid.mesh, &laid.options, None).unwrap();
     let [first, softer] = [1.0, 0.8].map(|scaled| solver_of(&gpu, &level, &laid.mesh.mesh, &moments, scaled).1);
     // One element is lost in no step: the device ends the batch after the first. The correction made again is followed
     // by another two.
@@ -786,7 +786,7 @@ fn movements<B: Backend>(backend: &B, off: f64, steps: usize) -> (Vec<Vec<[f64; 
     let laid = case("", &pair, inside(width, height, 3), 16).laid();
     let mut reference = backend.frame(pair[0].clone(), &laid.options).unwrap();
     let mut frame = backend.frame(pair[1].clone(), &laid.options).unwrap();
-    let (level, moments) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options).unwrap();
+    let (level, moments) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options, None).unwrap();
     let mesh = &laid.mesh.mesh;
     let (_, solver) = solver_of(backend, &level, mesh, &moments, 0.7);
     let mut at = vec![[0.2 + off, -0.1]; mesh.n_nodes()];
@@ -856,7 +856,7 @@ impl<B: Backend> Leaving<B> {
         let laid = case("", &pair, inside(width, height, 0), 16).laid();
         let mut reference = backend.frame(pair[0].clone(), &laid.options).unwrap();
         let frame = backend.frame(pair[1].clone(), &laid.options).unwrap();
-        let (level, moments) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options).unwrap();
+        let (level, moments) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options, None).unwrap();
         Self { laid, frame, level, moments }
     }
 }

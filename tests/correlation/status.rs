@@ -61,6 +61,55 @@ fn a_zone_that_vanishes_costs_no_other_and_is_found_again_when_it_is_back() {
 }
 
 #[test]
+fn a_body_before_a_still_ground_of_the_same_zone_is_found_with_large_steps_and_with_small_ones() {
+    let (body, ground) = (Spots::new(5, SIDE, SPOT_PX), Spots::new(77, SIDE, SPOT_PX));
+    const PLACE: [f64; 4] = [90.0, 70.0, 220.0, 230.0];
+    let image = |u: [f64; 2], seed: u64| {
+        photographed(SIDE, 1.5, seed, |y| {
+            let x = [y[0] - u[0], y[1] - u[1]];
+            let is_body = (PLACE[0]..PLACE[2]).contains(&x[0]) && (PLACE[1]..PLACE[3]).contains(&x[1]);
+            if is_body { body.grey(x) } else { ground.grey(y) }
+        })
+    };
+    let zones = vec![zone("all", [20.0, 20.0, 308.0, 308.0])];
+    let correlator = prepared(&image([0.0; 2], 1), &zones, Options::default());
+    for (step, frames) in [([15.0, 8.0], 2), ([0.8, 0.4], 16)] {
+        let mut tracker = Tracker::new(&correlator);
+        let mut iterations = 0;
+        for number in 1..=frames {
+            let u = step.map(|step| step * number as f64);
+            let found = tracker.correlate(number, image(u, number as u64 + 1)).unwrap();
+            iterations += found.iterations;
+            let field = &found.measurement;
+            assert_eq!(field.status, Status::Converged, "{step:?}, frame {number}");
+            // Of nodes an element and a half from the edge of the body all elements are of one body, and not of what
+            // the body covers now.
+            let errors = |is_in: bool, v: [f64; 2]| -> Vec<[f64; 2]> {
+                let nodes = correlator.mesh().nodes().iter().enumerate().filter(|(_, x)| {
+                    let beside = |c: usize| (PLACE[c] - x[c]).max(x[c] - PLACE[c + 2]);
+                    let off = beside(0).max(beside(1));
+                    if is_in { off < -24.0 } else { off > 24.0 + u[0] }
+                });
+                let nodes = nodes.filter(|(node, _)| field.measured[*node]);
+                nodes
+                    .map(|(node, _)| [field.displacement[node][0] - v[0], field.displacement[node][1] - v[1]])
+                    .collect()
+            };
+            for (what, errors) in [("body", errors(true, u)), ("ground", errors(false, [0.0; 2]))] {
+                assert!(
+                    errors.len() > 30 && rms(&errors) < 0.05,
+                    "{step:?}, {number}, {what}: {} {}",
+                    errors.len(),
+                    rms(&errors)
+                );
+            }
+        }
+        println!("steps of {step:?} px: {} iterations a frame", iterations / frames);
+        assert!(iterations <= 20 * frames, "{step:?}: {iterations}");
+    }
+}
+
+#[test]
 fn a_frame_without_any_zone_is_diverged_and_one_that_has_left_says_so() {
     let correlator = prepared(&two_bodies([0.0; 2], Some([0.0; 2]), 1), &two_zones(), Options::default());
     let other = Spots::new(99, SIDE, SPOT_PX);
@@ -100,7 +149,7 @@ fn a_frame_that_has_lost_more_than_a_third_of_its_nodes_is_not_converged() {
 #[test]
 fn large_speckles_are_measured_although_noise_hides_the_gradient_of_each_pixel() {
     // Speckles of some 25 and 45 px with noise 2, on elements that hold two of them.
-    for (scale, most) in [(5.0, 0.15), (9.0, 0.6)] {
+    for (scale, most) in [(5.0, 0.1), (9.0, 0.2)] {
         let spots = Spots::new(4, SIDE, SPOT_PX);
         let image = |u: [f64; 2], seed: u64| {
             photographed(SIDE, 2.0, seed, |y| spots.grey([(y[0] - u[0]) / scale, (y[1] - u[1]) / scale]))
@@ -117,14 +166,14 @@ fn large_speckles_are_measured_although_noise_hides_the_gradient_of_each_pixel()
         for (node, found) in field.displacement.iter().enumerate() {
             for c in 0..2 {
                 let (error, sigma) = (found[c] - u[c], field.sigma[node][c]);
-                assert!(error.abs() < 4.5 * sigma && sigma < 0.5, "{scale}, node {node}: {error}, {sigma}");
+                assert!(error.abs() < 4.5 * sigma && sigma < 0.6, "{scale}, node {node}: {error}, {sigma}");
             }
         }
         let errors: Vec<[f64; 2]> = field.displacement.iter().map(|v| [v[0] - u[0], v[1] - u[1]]).collect();
         let (mean, n) = (mean(&errors), errors.len());
         println!("speckles of {scale} times 5 px: mean error {mean:?} px over {n} nodes, rms {:.3} px", rms(&errors));
-        // The gradient of the larger ones is less than half noise: means of 4 x 4 pixels would be five times as good.
-        assert!(mean.iter().all(|error| error.abs() < 3.0 * most / 5.0) && rms(&errors) < most, "{scale}: {mean:?}");
+        // The standard uncertainty inside would be 0.04 and 0.08 px; twice that in the corners.
+        assert!(mean.iter().all(|error| error.abs() < 0.05) && rms(&errors) < most, "{scale}: {mean:?}");
     }
 }
 
@@ -223,7 +272,7 @@ fn a_body_that_leaves_a_black_ground_is_no_torn_image_and_a_stated_noise_is_name
     let ran = desk.correlate("--output out img_0.png img_1.png img_2.png").fine();
     assert!(desk.remarks("out", Code::ImageIncomplete).is_empty(), "{ran}");
     let ran = desk.correlate("--output two --noise 60 img_0.png img_1.png");
-    assert!(ran.code == Some(2) && ran.stderr.contains("the noise is stated as 60 grey levels"), "{ran}");
+    assert!(ran.code == Some(2) && ran.stderr.contains("the noise is stated as 60.00 grey levels"), "{ran}");
 }
 
 #[test]

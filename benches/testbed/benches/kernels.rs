@@ -64,7 +64,7 @@ fn reference(bencher: Bencher) {
     let (backend, options, mesh) = (CpuBackend::default(), options("cubic"), mesh(16));
     bencher.counter(ItemsCount::new(SIZE * SIZE)).bench(|| {
         let mut frame = backend.frame(REFERENCE.clone(), &options).expect("a frame");
-        backend.reference(&mut frame, 0, &mesh, &options).expect("a level").1
+        backend.reference(&mut frame, 0, &mesh, &options, None).expect("a level").1
     });
 }
 
@@ -118,7 +118,7 @@ fn residual_pass_in(bencher: Bencher, interpolation: &str, element: usize, field
     let (backend, options, mesh) = (CpuBackend::default(), options(interpolation), mesh(element));
     let displacement: Vec<[f64; 2]> = mesh.mesh.nodes().iter().map(|&[x, y]| field(x, y)).collect();
     let mut reference = backend.frame(REFERENCE.clone(), &options).expect("a frame");
-    let (level, _) = backend.reference(&mut reference, 0, &mesh, &options).expect("a level");
+    let (level, _) = backend.reference(&mut reference, 0, &mesh, &options, None).expect("a level");
     let mut deformed = backend.frame(DEFORMED.clone(), &options).expect("a frame");
     let mut field = backend.start(&level, &mut deformed, &displacement, &[GreyTransfer::NONE]).expect("a field");
     bencher

@@ -111,7 +111,7 @@ fn kernels() {
                 let prefilter = time(9, || backend.prepare(scene.reference.clone(), &options));
                 let reference = time(9, || {
                     let mut frame = backend.frame(scene.reference.clone(), &options)?;
-                    backend.reference(&mut frame, 0, &scene.mesh, &options)
+                    backend.reference(&mut frame, 0, &scene.mesh, &options, None)
                 });
                 let residual = [0.03, 1.0].map(|scale| {
                     let mut pass = ResidualPass::new(&backend, &scene, scale).expect("a field");
@@ -325,7 +325,7 @@ fn solvers() {
             let Scene { reference, mesh, .. } = scene(size, element);
             let backend = CpuBackend::default();
             let mut frame = backend.frame(reference, &kernel_options()).expect("a frame");
-            let (_, moments) = backend.reference(&mut frame, 0, &mesh, &kernel_options()).expect("a level");
+            let (_, moments) = backend.reference(&mut frame, 0, &mesh, &kernel_options(), None).expect("a level");
             let pattern = Arc::new(Pattern::new(mesh.mesh.n_nodes(), mesh.mesh.elements()));
             let matrices: Vec<_> = moments.iter().map(|m| m.matrix()).collect();
             let matrix = BlockMatrix::assemble(&pattern, mesh.mesh.elements(), &matrices);

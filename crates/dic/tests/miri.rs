@@ -37,7 +37,7 @@ fn passes_over_a_few_pixels_read_what_is_there() {
         let options = KernelOptions::new((0.0, 255.0), interpolation, Brightness::Zone);
         let [mut reference, mut deformed] =
             images.clone().map(|image: Arc<Image>| backend.frame(image, &options).unwrap());
-        let (level, _) = backend.reference(&mut reference, 0, &mesh, &options).unwrap();
+        let (level, _) = backend.reference(&mut reference, 0, &mesh, &options, None).unwrap();
         let mut residual = |u: [f64; 2]| {
             let displacement = vec![u; mesh.mesh.nodes().len()];
             let mut field = backend.start(&level, &mut deformed, &displacement, &[GreyTransfer::NONE]).unwrap();

@@ -1,6 +1,7 @@
-//! Cracks that a plan wants found: in the images of the test, before the series begins, and kept in `run.toml`.
+//! Cracks that a plan wants found, and drawn ones that are moved onto the crack beside them: in the images of the test,
+//! before the series begins, and kept in `run.toml`.
 
-use crate::correlate::{CrackSearch, FoundCrack, prepare, search_cracks};
+use crate::correlate::{CrackSearch, FoundCrack, MovedPath, move_onto_crack, prepare, search_cracks};
 use crate::imaging::Image;
 use crate::io::case::{CaseCrack, CrackPath, parse_case};
 use crate::io::store::Store;
@@ -36,6 +37,67 @@ pub(crate) fn cut(
     let searched = find(plan, there, reference, zones)?;
     crate::run::plan::zones::cut(zones, &plan.drawn.cracks)?;
     Ok(searched)
+}
+
+/// Moves the cracks of `plan` that were drawn beside one onto it. A run that goes on has those of `there`.
+pub(crate) fn move_drawn(
+    plan: &mut Plan,
+    there: Option<&Store>,
+    reference: &Arc<Image>,
+    zones: &[Zone],
+) -> Result<Vec<String>> {
+    let case = there.map(|there| parse_case(&there.header().case, Path::new("run.toml")));
+    let before = case.and_then(std::result::Result::ok).map(|case| case.cracks);
+    let is_drawn = |crack: &CaseCrack| crack.snap != Some(false) && crack.drawn.is_empty();
+    let mut to_look: Vec<usize> = Vec::new();
+    for (k, crack) in plan.drawn.cracks.iter_mut().enumerate().filter(|(_, crack)| is_drawn(crack)) {
+        let CrackPath::Along(path) = &crack.path else { continue };
+        match before.as_ref().map(|before| before.get(k).filter(|moved| moved.drawn == *path)) {
+            None => to_look.push(k),
+            Some(Some(moved)) => (crack.path, crack.drawn) = (moved.path.clone(), moved.drawn.clone()),
+            Some(None) => {}
+        }
+    }
+    let Some(number) = Some(plan.deformed.len()).filter(|n| *n > 0 && !to_look.is_empty()) else {
+        return Ok(Vec::new());
+    };
+    let device = plan.device(reference.width() * reference.height())?;
+    let mut said = Vec::new();
+    for number in numbers(number) {
+        let Some(frame) = plan.deformed.get(number - 1) else { continue };
+        let Ok(loaded) = frame.read(plan.accepted.of_size(reference.width(), reference.height())) else { continue };
+        let image = Arc::new(loaded.image);
+        let correlator = prepare(&device, Arc::clone(reference), zones, plan.options.clone());
+        // What refuses the reference is said when the cut mesh is prepared.
+        let Ok(correlator) = correlator else { break };
+        let field = correlator.upload(Arc::clone(&image)).and_then(|image| correlator.correlate_uploaded(image, None));
+        let Some(field) = field.ok().map(|found| found.measurement).filter(|field| field.status.has_field()) else {
+            continue;
+        };
+        to_look.retain(|&k| {
+            let Some(crack) = plan.drawn.cracks.get_mut(k) else { return false };
+            let CrackPath::Along(path) = &crack.path else { return false };
+            let Some(MovedPath { path: moved, by_px }) = move_onto_crack(path, &field, [reference, &image]) else {
+                return true;
+            };
+            if by_px == 0.0 {
+                return false;
+            }
+            said.push(format!(
+                "{} was drawn up to {by_px:.1} px beside the crack of frame {number} and is moved onto it: --crack '{}' \
+                 (snap = false in [[crack]] leaves it as drawn)",
+                crack.name.clone().unwrap_or_else(|| format!("crack{}", k + 1)),
+                path_of_flag(&moved)
+            ));
+            crack.drawn = path.clone();
+            crack.path = CrackPath::Along(moved);
+            false
+        });
+        if to_look.is_empty() {
+            break;
+        }
+    }
+    Ok(said)
 }
 
 /// Puts the cracks that are found into the place of those of `plan` that are to be; without any there is nothing to do.
@@ -117,11 +179,15 @@ fn name_cracks(wanted: &CaseCrack, found: &[FoundCrack], before: usize) -> Vec<C
 
 fn about_found(crack: &FoundCrack, number: usize) -> String {
     let FoundCrack { path, opening: [least, median, largest], sliding, .. } = crack;
-    let points: Vec<String> = path.iter().map(|[x, y]| format!("{x},{y}")).collect();
     format!(
         "crack found in frame {number}: --crack '{}' (open by {median:.2} px, {least:.2} to {largest:.2}; sliding {sliding:.2} px)",
-        points.join(" ")
+        path_of_flag(path)
     )
+}
+
+/// A path as `--crack` takes it.
+fn path_of_flag(path: &[[f64; 2]]) -> String {
+    path.iter().map(|[x, y]| format!("{x},{y}")).collect::<Vec<String>>().join(" ")
 }
 
 fn about_none(frames: &[usize], search: &CrackSearch) -> String {

@@ -131,6 +131,8 @@ impl<'a> PreparedSeries<'a> {
         let Zones { mut zones, remarks: of_zones, files: zone_files, found } =
             pool.install(|| Zones::of(&mut plan, &image, folder.path()))?;
         let reference = Arc::new(image);
+        let moved = || crack_auto::move_drawn(&mut plan, there.as_ref(), &reference, &zones);
+        let moved = pool.install(moved)?;
         let cracks = pool.install(|| crack_auto::cut(&mut plan, there.as_ref(), &reference, &mut zones))?;
         let prepare = Instant::now();
         let device = plan.device(width * height)?;
@@ -162,10 +164,10 @@ impl<'a> PreparedSeries<'a> {
         let saturation = Saturation::of(&reference, &windows(correlator.mesh()));
         remarks.extend(remarks::of_grey(&plan.reference_name(), &reference, saturation));
         remarks.extend(of_zones);
-        remarks.extend(cracks.found.iter().chain(&cracks.notes).cloned().map(remarks::of_crack_search));
+        remarks.extend(moved.iter().chain(&cracks.found).chain(&cracks.notes).cloned().map(remarks::of_crack_search));
         Ok(Self {
             begin,
-            drawn: found.map(|found| found.note).into_iter().chain(cracks.found).collect(),
+            drawn: found.map(|found| found.note).into_iter().chain(moved).chain(cracks.found).collect(),
             remarks,
             plan,
             folder,

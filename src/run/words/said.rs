@@ -82,6 +82,7 @@ pub(crate) fn empty_summary(
         tolerance_px: plan.options.tolerance_px,
         tolerance_in_effect_px: (correlator.tolerance_px() > plan.options.tolerance_px)
             .then(|| correlator.tolerance_px()),
+        gradient_smoothing_px: Some(correlator.smoothing_px()).filter(|width| *width > 0.0),
         seconds_reference: 0.0,
         seconds_total: 0.0,
         nodes_left_out: correlator.dropped().iter().map(Into::into).collect(),

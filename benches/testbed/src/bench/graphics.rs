@@ -146,10 +146,10 @@ fn kernel_costs(
         let mut frame = backend.prepare(scene.reference.clone(), &options)?;
         let image = [Kernel::Unpack, Kernel::Prefilter, Kernel::BorderColumns, Kernel::BorderRows];
         add(&backend.profile(Some(timing)), &image);
-        backend.reference(&mut frame, 0, &scene.mesh, &options)?;
+        backend.reference(&mut frame, 0, &scene.mesh, &options, None)?;
         add(&backend.profile(Some(timing)), &[Kernel::Gradient, Kernel::NormalMatrix]);
         if let Some(halved) = &halved {
-            backend.reference(&mut frame, 1, halved, &options)?;
+            backend.reference(&mut frame, 1, halved, &options, None)?;
             add(&backend.profile(Some(timing)), &[Kernel::Downsample]);
         }
         pass.step()?;

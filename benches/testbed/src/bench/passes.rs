@@ -58,7 +58,7 @@ impl<B: Subject> ResidualPass<B> {
     pub fn new(backend: &B, scene: &Scene, scale: f64) -> Result<Self, BackendError> {
         let options = kernel_options();
         let mut reference = backend.frame(scene.reference.clone(), &options)?;
-        let (level, moments) = backend.reference(&mut reference, 0, &scene.mesh, &options)?;
+        let (level, moments) = backend.reference(&mut reference, 0, &scene.mesh, &options, None)?;
         let mut frame = backend.prepare(scene.deformed[0].clone(), &options)?;
         let field = backend.start(&level, &mut frame, &scene.field(scale), &[GreyTransfer::NONE])?;
         let mesh = &scene.mesh.mesh;
@@ -123,7 +123,7 @@ pub fn pass_costs<B: Subject>(
     let frame = repeat(runs, || backend.prepare(scene.deformed[0].clone(), &options))?;
     let reference = repeat(runs, || {
         let mut frame = backend.frame(scene.reference.clone(), &options)?;
-        backend.reference(&mut frame, 0, &scene.mesh, &options)
+        backend.reference(&mut frame, 0, &scene.mesh, &options, None)
     })?;
     // f (4 bytes a pixel), its gradient (4) and the coefficients of the deformed image (4) once; the sums of an element
     // are 15 values.

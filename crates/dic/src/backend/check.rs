@@ -203,7 +203,7 @@ impl Setting {
         let mut add = |what, values, tolerance| seen.push(Seen { what, values, tolerance });
 
         // The coarser level: a start from the host, an iteration.
-        let (coarser, moments) = backend.reference(&mut reference, 1, &coarse, &self.options)?;
+        let (coarser, moments) = backend.reference(&mut reference, 1, &coarse, &self.options, None)?;
         add("moments of elements, level 1", of_moments(&moments), Tolerance::Share(MOMENTS));
         let solver = backend.solver(&coarser, self.solver(&coarse, &moments))?;
         let start: Vec<[f64; 2]> = coarse.mesh.nodes().iter().map(|[x, y]| motion([2.0 * x, 2.0 * y])).collect();
@@ -220,7 +220,7 @@ impl Setting {
         add("displacement, level 1", found.displacement.into_flattened(), Tolerance::Px(DISPLACEMENTS_PX));
 
         // The image itself: from the coarser field on, with elements at the border that have lost pixels.
-        let (mut level, moments) = backend.reference(&mut reference, 0, &fine, &self.options)?;
+        let (mut level, moments) = backend.reference(&mut reference, 0, &fine, &self.options, None)?;
         add("moments of elements", of_moments(&moments), Tolerance::Share(MOMENTS));
         backend.link(&mut level, places(&fine, &coarse))?;
         let solver = backend.solver(&level, self.solver(&fine, &moments))?;

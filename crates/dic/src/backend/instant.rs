@@ -103,8 +103,9 @@ impl Backend for InstantBackend {
         level: usize,
         mesh: &PixelMesh,
         options: &KernelOptions,
+        smoothed: Option<&Arc<Image>>,
     ) -> Result<(CpuLevel, Vec<ElementMoments>), BackendError> {
-        self.cpu.reference(frame, level, mesh, options)
+        self.cpu.reference(frame, level, mesh, options, smoothed)
     }
 
     fn restrict(&self, level: &mut CpuLevel, active: &[bool]) -> Result<(), BackendError> {

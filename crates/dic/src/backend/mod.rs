@@ -123,6 +123,10 @@ pub struct KernelOptions {
     /// Unit of the reference's gradient, grey levels per px: a power of two, in whole numbers of which it is kept in
     /// 16 bits.
     pub gradient_unit: f32,
+    /// What white noise of variance one in the pixels adds to the mean square of each component of that gradient.
+    pub gradient_noise_gain: f64,
+    /// And to the mean product of that gradient and the reference's own, which is another where the former is smoothed.
+    pub gradient_pattern_gain: f64,
     /// How brightness and contrast are followed.
     pub brightness: Brightness,
 }
@@ -131,7 +135,15 @@ impl KernelOptions {
     /// For images about as dark and bright as one whose grey levels lie in `range`.
     pub fn new(range: (f32, f32), interpolation: Interpolation, brightness: Brightness) -> Self {
         let (low, high) = range;
-        Self { interpolation, grey_offset: 0.5 * (low + high), gradient_unit: gradient_unit(high - low), brightness }
+        let gradient_noise_gain = interpolation.gradient_noise_gain();
+        Self {
+            interpolation,
+            grey_offset: 0.5 * (low + high),
+            gradient_unit: gradient_unit(high - low),
+            gradient_noise_gain,
+            gradient_pattern_gain: gradient_noise_gain,
+            brightness,
+        }
     }
 }
 
@@ -288,7 +300,7 @@ pub trait Backend: Clone + Send + Sync + 'static {
     fn grey_map(&self, frame: &mut Self::Frame, level: usize) -> GreyMap;
 
     /// Prepares a reference at one scale: grey levels and gradients of `frame`, and the sums of every
-    /// element of `mesh` (in pixels of that level).
+    /// element of `mesh` (in pixels of that level). The gradients are those of `smoothed`, where there is one.
     ///
     /// # Errors
     /// When the device fails.
@@ -298,6 +310,7 @@ pub trait Backend: Clone + Send + Sync + 'static {
         level: usize,
         mesh: &PixelMesh,
         options: &KernelOptions,
+        smoothed: Option<&Arc<Image>>,
     ) -> Result<(Self::Level, Vec<ElementMoments>), BackendError>;
 
     /// Leaves the elements where `active` is false out of all sums.

@@ -6,7 +6,7 @@ use crate::correlate::{
     LeftOut, Level, Limits, MATCHED, MeshLines, MisfitTest, NodalSpread, NoiseGain, NoiseProbe, Options, Overlap,
     PointValuesOf, Prepared, Reference, Regularisation, Result, SeenByNode, Settled, Start, StartUsed, Turn,
     WILD_ELEMENTS, bare_borders, choose_better, elements_of, finest_level, high_frequency, iterate, named, nothing,
-    numbers, replace_outliers, rounding,
+    numbers, replace_outliers, rounding, smooth_reference,
 };
 use crate::field::{NoiseCorrelation, Status};
 use crate::imaging::Image;
@@ -182,34 +182,45 @@ impl<B: Backend> Correlator<B> {
             let value = options.noise.to_string();
             return Err(CorrelationError::Option { name: "the noise", value, wanted });
         }
-        let ((noise, fine), noise_gain) = rayon::join(
+        let ((noise, fine), mut noise_gain) = rayon::join(
             || (AssumedNoise::of(&reference, &options), high_frequency(&reference, &laid.mesh)),
             || NoiseGain::new(options.interpolation, options.n_references),
         );
+        let smoothed = smooth_reference(&reference, &laid.pixels, &noise, options.interpolation);
+        let (coarse_kernel, smoothed) = (kernel, smoothed.as_ref());
+        let smoothing_px = smoothed.map_or(0.0, |smoothed| smoothed.width_px);
+        let kernel = smoothed.map_or(kernel, |smoothed| KernelOptions {
+            gradient_noise_gain: smoothed.gradient_noise_gain,
+            gradient_pattern_gain: smoothed.gradient_pattern_gain,
+            ..kernel
+        });
+        noise_gain.gradient = kernel.gradient_noise_gain;
+        let smoothed = smoothed.map(|smoothed| &smoothed.image);
         let rounding = rounding(&reference);
         let fine = fine * (options.n_references.max(1) as f64).sqrt();
         let zone_pixels = laid.zone_pixels.clone();
         let mut frame = backend.frame(reference.clone(), &kernel)?;
         let Finest { level, spread, seen, dropped, held } =
-            finest_level(&backend, &mut frame, &laid, &noise, &noise_gain, &kernel, &options)?;
-        let bend_test = BendTest::new(&level.mesh, &level.pattern, &level.moments);
+            finest_level(&backend, &mut frame, (&laid, smoothed), &noise, &noise_gain, &kernel, &options)?;
+        let bend_test = BendTest::new(&level.mesh, &level.pattern, &level.moments, smoothed.is_some());
         let bare_borders = bare_borders(&reference, (&laid.mesh, &level.pattern), zones, &level.keep);
         let sigma = assumed_sigma(&noise, &noise_gain, &spread, options.n_references);
         let tolerance_px = tolerance_px(&options, &level, &sigma);
         let enough = enough_by_node(&level, &seen, &sigma);
         let (image, pixels, n_references) = (&*reference, &*zone_pixels, options.n_references.max(1));
-        let prepared = Prepared { image, kernel: &kernel, n_references, level: &level, pixels };
+        let texture = smoothed.map_or(image, |smoothed| smoothed);
+        let prepared = Prepared { image, texture, kernel: &kernel, n_references, level: &level, pixels };
         let probe =
             || (options.noise_correlation == NoiseCorrelation::Auto).then(|| NoiseProbe::new(&prepared)).flatten();
-        let gradient_noise = options.interpolation.gradient_noise_gain();
         let of_finest = || {
-            let misfit_test = MisfitTest::new(&level.mesh, &level.moments, gradient_noise, fine);
-            let bias = InterpolationBias::new(&reference, &level.mesh, options.interpolation, noise.of_reference);
+            let misfit_test = MisfitTest::new(&level.mesh, &level.moments, kernel.gradient_noise_gain, fine);
+            let kernel = (options.interpolation, smoothing_px);
+            let bias = InterpolationBias::new(&reference, &level.mesh, kernel, noise.of_reference);
             (misfit_test, MeshLines::new(&level.mesh), bias)
         };
         let ((probe, (misfit_test, mesh_lines, interpolation_bias)), coarse_levels) = rayon::join(
             || rayon::join(probe, of_finest),
-            || coarse_levels(&backend, &mut frame, laid, size, &noise, &kernel, &options),
+            || coarse_levels(&backend, &mut frame, laid, size, &noise, &coarse_kernel, &options),
         );
         let (coarse_levels, search_pixels) = coarse_levels?;
         let mut levels = vec![level];
@@ -240,6 +251,7 @@ impl<B: Backend> Correlator<B> {
             held,
             bare_borders,
             grey_range: f64::from(high - low),
+            smoothing_px,
         };
         Ok(Self {
             noise_gain,
@@ -324,6 +336,7 @@ impl<B: Backend> Correlator<B> {
                 while self.give_up(&found, &mut lost) {
                     found = found.or_rest(self.search(frame, &lost)?);
                 }
+                let found = self.find_blocks(frame, found, &elements_of(self.mesh(), &lost))?;
                 self.resolve_periods(frame, found, None)
             });
         };
@@ -397,6 +410,7 @@ impl<B: Backend> Correlator<B> {
             let n_lost = best.left_out.len().saturating_sub(left_out.len());
             if best.measurement.status != Status::Converged || n_lost as f64 > FEW_MORE * n_elements as f64 {
                 best = choose_better(best, self.search(frame, &lost)?);
+                best = self.find_blocks(frame, best, &named(left_out, n_elements))?;
             }
             self.resolve_periods(frame, best, Some(displacement))
         })

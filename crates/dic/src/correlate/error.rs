@@ -224,7 +224,7 @@ fn textureless(stated: Option<f64>, larger: Option<usize>) -> String {
 
 fn by_stated(noise: Option<f64>) -> String {
     noise.map_or(String::new(), |noise| {
-        format!("; the noise is stated as {noise} grey levels, more than the image shows: is that so (--noise)?")
+        format!("; the noise is stated as {noise:.2} grey levels, more than the image shows: is that so (--noise)?")
     })
 }
 

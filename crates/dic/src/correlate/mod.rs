@@ -14,7 +14,7 @@ mod correlator;
 mod error;
 
 pub use correlator::Correlator;
-pub use cracks::crack_search::{CrackSearch, FoundCrack, NoCrack, Rejected, search_cracks};
+pub use cracks::crack_search::{CrackSearch, FoundCrack, MovedPath, NoCrack, Rejected, move_onto_crack, search_cracks};
 pub use error::{CorrelationError, Lack, TextureFault, UpdateRefused};
 pub use noise::fixed_pattern::FixedPattern;
 pub use noise::noise_correlation::NoiseColour;
@@ -49,13 +49,13 @@ use noise::noise_model::Elements;
 use noise::reference_noise::{high_frequency, rounding};
 use noise::stretch::DeformationGradient;
 use noise::uncertainty::{NodalSpread, NoiseGain, displacement_in_middle, spread_of};
-use prepare::common_texture::CommonTexture;
 use prepare::finest::{Finest, finest_level};
 use prepare::gradient_noise::{
     AssumedNoise, LEAST_SHARE_OF_VARIANCE, OfElement, diagonal_with_noise, gradient_sums, mass_matrix, without_noise,
 };
 use prepare::level::{Level, coarser, support, support_of};
 use prepare::own::{Changed, Own};
+use prepare::smoothing::smooth_reference;
 use prepare::texture::{
     SeenByNode, find_faults, find_least_determined, find_undetermined, lost_in_noise, seen_by_nodes,
 };

@@ -152,6 +152,14 @@ pub struct CaseCrack {
     #[serde(skip_serializing_if = "is_default")]
     #[cfg_attr(feature = "cli", arg(skip))]
     pub path: CrackPath,
+    /// Whether a path that is drawn beside a crack is moved onto it, where the last frames show it open.
+    #[schemars(extend("default" = true))]
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub snap: Option<bool>,
+    /// Of a path that was moved: as it was drawn. quadrille writes this to `run.toml`.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub drawn: Vec<[f64; 2]>,
     /// Pixels nearer to the path are not measured, px: the gap of the open crack is no specimen.
     #[schemars(extend("default" = 3))]
     #[cfg_attr(

@@ -75,12 +75,15 @@ impl CpuBackend {
         level: usize,
         map: &Arc<PixelMap>,
         options: &KernelOptions,
+        smoothed: Option<&Arc<Image>>,
     ) -> Result<(Reference, bool), BackendError> {
         let KernelOptions { interpolation, gradient_unit, .. } = *options;
         // Nothing needs those of a reference any more.
-        let coefficients = match frame.coefficients.get_mut(level).and_then(Option::take) {
-            Some(coefficients) => coefficients,
-            None => frame.filter(self, level)?,
+        let own = frame.coefficients.get_mut(level).and_then(Option::take);
+        let coefficients = match (smoothed, own) {
+            (Some(image), _) => self.frame(image.clone(), options)?.filter(self, level)?,
+            (None, Some(coefficients)) => coefficients,
+            (None, None) => frame.filter(self, level)?,
         };
         let (coefficients, at_pixel) = (coefficients.view(), AtPixel::new(interpolation, gradient_unit));
         let narrow = map.elements().iter().all(|e| e.nx <= 8);
@@ -294,9 +297,14 @@ pub(super) struct HostReference {
 #[cfg(feature = "gpu")]
 impl HostReference {
     /// Those of `map` in an image.
-    pub fn new(image: Arc<Image>, map: &Arc<PixelMap>, options: &KernelOptions) -> Result<Self, BackendError> {
+    pub fn new(
+        image: Arc<Image>,
+        map: &Arc<PixelMap>,
+        options: &KernelOptions,
+        smoothed: Option<&Arc<Image>>,
+    ) -> Result<Self, BackendError> {
         let cpu = CpuBackend::default();
-        let (reference, narrow) = cpu.prepare(&mut cpu.frame(image, options)?, 0, map, options)?;
+        let (reference, narrow) = cpu.prepare(&mut cpu.frame(image, options)?, 0, map, options, smoothed)?;
         Ok(Self { reference, narrow })
     }
 
@@ -590,8 +598,9 @@ impl Backend for CpuBackend {
         level: usize,
         mesh: &PixelMesh,
         options: &KernelOptions,
+        smoothed: Option<&Arc<Image>>,
     ) -> Result<(CpuLevel, Vec<ElementMoments>), BackendError> {
-        let (reference, narrow) = self.prepare(frame, level, &mesh.pixels, options)?;
+        let (reference, narrow) = self.prepare(frame, level, &mesh.pixels, options, smoothed)?;
         let with_transfer = options.brightness != Brightness::Off;
         let mesh = mesh.mesh.clone();
         let mut moments = vec![ElementMoments::default(); mesh.n_elements()];

@@ -74,6 +74,7 @@ pub struct GpuLevel {
     pub(super) places: Option<Buffer>,
     shape_places: ShapePlaces,
     image: Arc<Image>,
+    smoothed: Option<Arc<Image>>,
     host: OnceLock<HostReference>,
 }
 
@@ -92,8 +93,9 @@ impl GpuLevel {
         level: usize,
         mesh: &PixelMesh,
         options: &KernelOptions,
+        smoothed: Option<&Arc<Image>>,
     ) -> Result<(Self, Vec<ElementMoments>), BackendError> {
-        let reference = Reference::new(gpu, frame, level, options)?;
+        let reference = Reference::new(gpu, frame, level, options, smoothed)?;
         let PixelMesh { mesh, pixels, .. } = mesh;
         let elements: Vec<Element> = (0..mesh.n_elements())
             .map(|e| element(&pixels.elements()[e], mesh.elements()[e], mesh.element_zone()[e]))
@@ -161,6 +163,7 @@ impl GpuLevel {
             reference,
             shape_places,
             image: frame.host.image.clone(),
+            smoothed: smoothed.cloned(),
             host: OnceLock::new(),
         };
         prepared.windows = prepared.split(gpu)?;
@@ -176,7 +179,7 @@ impl GpuLevel {
         if let Some(host) = self.host.get() {
             return Ok(host);
         }
-        let made = HostReference::new(self.image.clone(), &self.pixels, &self.options)?;
+        let made = HostReference::new(self.image.clone(), &self.pixels, &self.options, self.smoothed.as_ref())?;
         // Another thread may have been first: both are alike.
         Ok(self.host.get_or_init(|| made))
     }

@@ -187,8 +187,9 @@ impl Backend for GpuBackend {
         level: usize,
         mesh: &PixelMesh,
         options: &KernelOptions,
+        smoothed: Option<&Arc<Image>>,
     ) -> Result<(GpuLevel, Vec<ElementMoments>), BackendError> {
-        GpuLevel::new(&self.gpu, frame, level, mesh, options)
+        GpuLevel::new(&self.gpu, frame, level, mesh, options, smoothed)
     }
 
     fn restrict(&self, level: &mut GpuLevel, active: &[bool]) -> Result<(), BackendError> {

@@ -321,11 +321,16 @@ impl Reference {
         frame: &mut GpuFrame,
         level: usize,
         options: &KernelOptions,
+        smoothed: Option<&Arc<Image>>,
     ) -> Result<Self, BackendError> {
         let KernelOptions { interpolation, gradient_unit, .. } = *options;
-        let coefficients = frame.coefficients(gpu, level)?;
+        frame.grey(gpu, level)?;
+        let coefficients = match smoothed {
+            Some(image) => GpuFrame::new(gpu, image.clone(), options)?.coefficients(gpu, level)?,
+            None => frame.coefficients(gpu, level)?,
+        };
         frame.forget_coefficients(level);
-        let grey = frame.levels[level].grey.as_ref().expect("made before its coefficients");
+        let grey = frame.levels[level].grey.as_ref().expect("made above");
         let (width, height, stride) = (grey.width, grey.height, grey.stride);
         let what = format!("a reference of {width} x {height} px");
         let buffer = gpu.storage((REFERENCE_BYTES * stride * height) as u64, &what)?;
@@ -479,7 +484,7 @@ mod tests {
                         assert_eq!(at(x, last[1] + k) as f32, want, "{what}");
                     }
                 }
-                let reference = Reference::new(gpu, &mut frame, 0, &options).unwrap();
+                let reference = Reference::new(gpu, &mut frame, 0, &options, None).unwrap();
                 let words = fetched::<u32>(gpu, &reference.buffer);
                 let (value, derivative) = at_pixel(interpolation);
                 let sum = |x: usize, y: usize, along_x: [f32; 5], along_y: [f32; 5]| {

@@ -498,14 +498,12 @@ impl<B: Backend> Correlator<B> {
     /// Leaves out the nodes that noise has kept from settling, and those lost in it; returns how many.
     fn leave_out_noise(&self, of: &Ended<'_, B>, everywhere: &[bool], made: &mut Measured) -> usize {
         let mesh = self.mesh();
-        let gain = self.options.interpolation.gradient_noise_gain() / self.options.n_references.max(1) as f64;
+        let gain = self.kernel.gradient_noise_gain / self.options.n_references.max(1) as f64;
         let mut in_noise = match self.seen.is_empty() {
             true => Vec::new(),
             false => {
-                let sigma: Vec<f64> = made.sigma.iter().map(|[x, y]| x.max(*y)).collect();
-                let is_certain = |node: usize| sigma[node] <= self.options.sigma_most_px;
-                let of_pair = (made.of_pair.as_slice(), gain);
-                lost_in_noise(mesh, &self.seen, of.by_grey.matched, of_pair, &made.measured, is_certain)
+                let most = self.options.sigma_most_px;
+                lost_in_noise(mesh, &self.seen, of.by_grey.matched, (&made.of_pair, gain), &made.measured, most)
             }
         };
         // What is misfit everywhere is no noise to be lost in.

@@ -20,6 +20,8 @@ use std::sync::OnceLock;
 
 /// Columns of the fit that a bilinear field and the light can take: the gradient's components times 1, z, w, zw; f; 1.
 const TAKEN: usize = 2 * FLAT + 2;
+/// Which of them is f.
+const TAKEN_LIGHT: usize = 2 * FLAT;
 /// Those that bend, per component.
 const BENT: usize = POWERS.len() - FLAT;
 /// and of both.
@@ -95,7 +97,8 @@ fn entry(i: usize, j: usize) -> usize {
     i * (i + 1) / 2 + j
 }
 
-fn factor(moments: &BentMoments) -> Factor {
+/// Without the column of f, unless it `takes_light`.
+fn factor(moments: &BentMoments, takes_light: bool) -> Factor {
     let mut all = [0.0; N_MOMENTS];
     let (of_gradient, rest) = all.split_at_mut(3 * N_PRODUCTS);
     of_gradient.copy_from_slice(moments.gradient.as_flattened());
@@ -105,7 +108,8 @@ fn factor(moments: &BentMoments) -> Factor {
     let mut l = PLACES.map(|row| row.map(|place| all[usize::from(place)]));
     for j in 0..COLUMNS {
         let own = all[usize::from(PLACES[j][j])];
-        let root = if l[j][j] > LEAST_OWN[usize::from(j >= TAKEN)] * own { l[j][j].sqrt() } else { 0.0 };
+        let is_told = l[j][j] > LEAST_OWN[usize::from(j >= TAKEN)] * own && (takes_light || j != TAKEN_LIGHT);
+        let root = if is_told { l[j][j].sqrt() } else { 0.0 };
         let mut below = [0.0; COLUMNS];
         for i in j..COLUMNS {
             below[i] = if root > 0.0 { l[i][j] / root } else { 0.0 };
@@ -197,10 +201,14 @@ pub(crate) struct BendTest {
     texture: Vec<[f64; 2]>,
     /// Per zone.
     samples: Vec<Sample>,
+    /// Whether a change of light within an element is told from noise.
+    takes_light: bool,
 }
 
 impl BendTest {
-    pub fn new(mesh: &Mesh<Px>, pattern: &Pattern, moments: &[ElementMoments]) -> Self {
+    /// `is_smoothed`: the gradient is that of a smoothed reference. Then hardly more is left of f beside it than noise,
+    /// which would take that of the residual.
+    pub fn new(mesh: &Mesh<Px>, pattern: &Pattern, moments: &[ElementMoments], is_smoothed: bool) -> Self {
         let texture = |of: &ElementMoments| [of.n, 0.5 * (of.gradient_power(0) + of.gradient_power(2)) / of.n.max(1.0)];
         let sample = |zone: usize| {
             let of_zone = mesh.zone_elements(zone);
@@ -223,6 +231,7 @@ impl BendTest {
             factors: std::iter::repeat_with(OnceLock::new).take(mesh.n_elements()).collect(),
             texture: moments.iter().map(texture).collect(),
             samples: (0..mesh.zones().len()).map(sample).collect(),
+            takes_light: !is_smoothed,
         }
     }
 
@@ -238,7 +247,8 @@ impl BendTest {
 
     /// Notes the moments of `elements`.
     pub fn note(&self, elements: &[u32], moments: &[BentMoments]) {
-        let made: Vec<Box<Factor>> = moments.par_iter().with_min_len(64).map(|of| Box::new(factor(of))).collect();
+        let made: Vec<Box<Factor>> =
+            moments.par_iter().with_min_len(64).map(|of| Box::new(factor(of, self.takes_light))).collect();
         for (&element, factor) in elements.iter().zip(made) {
             // Another frame may have been first: both are alike.
             let _ = self.factors[element as usize].set(factor);

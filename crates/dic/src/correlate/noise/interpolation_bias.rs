@@ -23,12 +23,21 @@ const REACH: i32 = 12;
 pub(crate) struct InterpolationBias([[f64; FRACTIONS + 1]; 2]);
 
 impl InterpolationBias {
-    /// Of a reference whose white noise has the standard deviation `noise`, grey levels.
-    pub fn new(image: &Image, mesh: &Mesh<Px>, interpolation: Interpolation, noise: f64) -> Self {
+    /// Of a reference whose white noise has the standard deviation `noise`, grey levels, and whose gradient is that of
+    /// grey levels smoothed by a Gaussian of `smoothing_px`.
+    pub fn new(
+        image: &Image,
+        mesh: &Mesh<Px>,
+        (interpolation, smoothing_px): (Interpolation, f64),
+        noise: f64,
+    ) -> Self {
         let waves = |k: usize, length: usize| PI * k as f64 / (length / 2) as f64;
         let of_gradient: Vec<(f64, f64)> =
             (-REACH..=REACH).map(|k| (f64::from(k), interpolation.gradient_weight(k))).collect();
-        let gradient = |w: f64| of_gradient.iter().map(|(k, weight)| weight * (w * k).sin()).sum::<f64>();
+        let gradient = |w: f64| {
+            let slope: f64 = of_gradient.iter().map(|(k, weight)| weight * (w * k).sin()).sum();
+            slope * (-0.5 * (w * smoothing_px).powi(2)).exp()
+        };
         let spectra = [0, 1].map(|axis| {
             let power = LENGTHS.into_iter().find_map(|length| power_spectrum(image, mesh, axis, length, noise));
             let power = power.unwrap_or_default();

@@ -97,6 +97,8 @@ pub(crate) struct NoiseProbe {
     side: usize,
     offset: f32,
     interpolation: Interpolation,
+    gradient_noise_gain: f64,
+    gradient_pattern_gain: f64,
     own_transfer: bool,
     blocks: Vec<Block>,
     /// Mean autocorrelation of the pieces of texture, for both components.
@@ -113,6 +115,8 @@ pub(crate) struct NoiseProbe {
 
 pub(crate) struct Prepared<'a, B: Backend> {
     pub image: &'a Image,
+    /// What the gradient is made of.
+    pub texture: &'a Image,
     pub kernel: &'a KernelOptions,
     pub n_references: usize,
     pub level: &'a Level<B>,
@@ -172,6 +176,8 @@ impl NoiseProbe {
             side,
             offset: of.kernel.grey_offset,
             interpolation,
+            gradient_noise_gain: of.kernel.gradient_noise_gain,
+            gradient_pattern_gain: of.kernel.gradient_pattern_gain,
             own_transfer,
             blocks,
             of_pieces,
@@ -231,13 +237,14 @@ impl NoiseProbe {
         let factor = square.map(|square| square.max(0.0).sqrt());
         let relative = |c: usize| if square[c] > 0.0 { 0.5 * scatter[c] / square[c] } else { 0.0 };
         let patterns: Vec<f64> = quiet.iter().filter_map(|sums| sums.pattern).collect();
-        let gain = self.interpolation.gradient_noise_gain();
+        let gain = self.gradient_noise_gain;
+        let texture = self.gradient - gain * mean(&|sums| sums.level);
         let colour = NoiseColour {
             factor,
             factor_sigma: relative(0).max(relative(1)),
             neighbours: [0, 1].map(|c| mean(&|sums| sums.neighbours[c])),
             is_misfit,
-            pattern: find_pattern(&patterns, self.gradient - gain * mean(&|sums| sums.level), gain),
+            pattern: find_pattern(&patterns, texture, self.gradient_pattern_gain),
         };
         let numbers = [colour.factor[0], colour.factor[1], colour.factor_sigma];
         numbers.iter().all(|v| v.is_finite()).then_some(colour)
@@ -347,7 +354,7 @@ impl Block {
     ) -> Option<(Self, [Vec<f32>; 2])> {
         let low = corner.map(|v| v as isize);
         let (offset, high) = (of.kernel.grey_offset, low.map(|v| v + side as isize));
-        let patch = Patch::new(of.image, offset, low, high, of.kernel.interpolation);
+        let patch = Patch::new(of.texture, offset, low, high, of.kernel.interpolation);
         let pixels = || (0..side * side).map(|k| [corner[0] + k % side, corner[1] + k / side]);
         let grey: Vec<f32> = pixels().map(|[x, y]| of.image.grey(x, y) - offset).collect();
         let gradient: Vec<[f32; 2]> = pixels().map(|pixel| patch.gradient(pixel)).collect();

@@ -219,7 +219,7 @@ pub(crate) struct NoiseGain {
     /// Of the product with the noise of the gradient.
     product: [f64; 65],
     /// `G`.
-    gradient: f64,
+    pub gradient: f64,
     /// Noise variance of the reference in that of one image.
     pub of_reference: f64,
 }

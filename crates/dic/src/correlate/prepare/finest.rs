@@ -2,15 +2,15 @@
 
 use crate::backend::{Backend, ElementMoments, KernelOptions, couple};
 use crate::correlate::{
-    AssumedNoise, Changed, CommonTexture, CorrelationError, Lack, Level, NodalSpread, NoiseGain, OfElement, Options,
-    PenaltyScale, Regulariser, Result, SeenByNode, TextureFault, diagonal_with_noise, find_faults,
-    find_least_determined, find_undetermined, seen_by_nodes, splines, spread_of, support_of, without_noise,
+    AssumedNoise, Changed, CorrelationError, Lack, Level, NodalSpread, NoiseGain, OfElement, Options, PenaltyScale,
+    Regulariser, Result, SeenByNode, TextureFault, diagonal_with_noise, find_faults, find_least_determined,
+    find_undetermined, seen_by_nodes, splines, spread_of, support_of, without_noise,
 };
 use crate::field::Elements;
 use crate::imaging::Image;
 use crate::isa::Isa;
 use crate::linalg::{BlockMatrix, Pattern, Solver, Subspace, dissection, nested_dissection};
-use crate::mesh::{Mesh, PixelMesh, Roi};
+use crate::mesh::{Mesh, PixelMesh};
 use crate::units::Px;
 use rayon::prelude::*;
 use std::collections::HashSet;
@@ -152,19 +152,17 @@ impl Round<'_> {
 pub(crate) fn finest_level<B: Backend>(
     backend: &B,
     frame: &mut B::Frame,
-    mesh: &PixelMesh,
+    (mesh, smoothed): (&PixelMesh, Option<&Arc<Image>>),
     noise: &AssumedNoise,
     noise_gain: &NoiseGain,
     kernel: &KernelOptions,
     options: &Options,
 ) -> Result<Finest<B>> {
-    let (mut prepared, moments) = backend.reference(frame, 0, mesh, kernel)?;
+    let (mut prepared, moments) = backend.reference(frame, 0, mesh, kernel, smoothed)?;
     let mesh = mesh.mesh.clone();
     let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
-    let lambda = noise.lambda(kernel.interpolation);
+    let lambda = noise.lambda(kernel);
     let mut seen = Seen::new((&mesh, &pattern), moments, kernel, lambda);
-    let image = backend.image(frame);
-    let common = |node: usize| CommonTexture::around(&image, &mesh, &pattern, node);
     let mut keep = vec![true; mesh.n_nodes()];
     let mut dropped: Vec<TextureFault> = Vec::new();
     let splines = match options.elements {
@@ -177,9 +175,10 @@ pub(crate) fn finest_level<B: Backend>(
     // The matrix of the last round that came so far, its spread, and the elements that have been left out since.
     let (mut made, mut left_out): (Option<(BlockMatrix, NodalSpread)>, Vec<u32>) = (None, Vec::new());
     loop {
-        let mut found = find_faults(&mesh, &seen.blocks, &seen.support, noise, kernel.interpolation, &|node| {
-            if keep[node] { common(node) } else { CommonTexture::default() }
-        });
+        let mut found = {
+            let (gain, most) = (kernel.gradient_noise_gain, options.sigma_most_px);
+            find_faults(&mesh, &seen.blocks, &seen.support, noise, gain, most)
+        };
         found.retain(|fault| keep[fault.node]);
         let mut held = Vec::new();
         if !options.drop_textureless && options.is_held() {
@@ -206,7 +205,7 @@ pub(crate) fn finest_level<B: Backend>(
                 found = find_least_determined(&mesh, &spread.variance, &keep);
             }
             if found.is_empty() {
-                let seen_by_nodes = seen_by_nodes(&seen.blocks, &seen.support, lambda, &common);
+                let seen_by_nodes = seen_by_nodes(&seen.blocks, &seen.support);
                 let Seen { moments, active, .. } = seen;
                 backend.restrict(&mut prepared, &active)?;
                 let solver = backend.solver(&prepared, couple(solver, &pattern, &moments, kernel.brightness))?;
@@ -224,7 +223,7 @@ pub(crate) fn finest_level<B: Backend>(
         }
         if found.len() == keep.iter().filter(|&&kept| kept).count() {
             let faults: Vec<&TextureFault> = dropped.iter().chain(&found).collect();
-            let larger = larger_elements((&image, &mesh, noise.of_check), &faults, options);
+            let larger = larger_elements(&faults, options);
             return Err(CorrelationError::Textureless { stated: noise.beyond_image(), larger });
         }
         found.iter().for_each(|fault| keep[fault.node] = false);
@@ -235,14 +234,9 @@ pub(crate) fn finest_level<B: Backend>(
     }
 }
 
-/// The size of elements, px, with which nodes would be certain enough: where uncertainty is what most of them lack, it
-/// falls with the size; else where a zone would show texture nearly everywhere, by what is in common to the pixels of as
-/// many elements as a node has.
-fn larger_elements(
-    (image, mesh, noise): (&Image, &Mesh<Px>, f64),
-    faults: &[&TextureFault],
-    options: &Options,
-) -> Option<usize> {
+/// The size of elements, px, with which nine tenths of the nodes would be certain enough, or fewer where that is too
+/// large: their standard uncertainty falls with it. None where they show no texture at all.
+fn larger_elements(faults: &[&TextureFault], options: &Options) -> Option<usize> {
     let size = options.element_size;
     let of_fault = |fault: &&TextureFault| match fault.lack {
         Lack::Precision { sigma_px } => sigma_px,
@@ -250,22 +244,11 @@ fn larger_elements(
     };
     let mut sigma: Vec<f64> = faults.iter().map(of_fault).collect();
     sigma.sort_by(f64::total_cmp);
-    // Nine tenths of them.
-    if let Some(most) = sigma.get(9 * sigma.len() / 10).filter(|sigma| sigma.is_finite()) {
+    [0.9, 0.75, 0.5].into_iter().find_map(|share| {
+        let most = sigma.get((share * sigma.len() as f64) as usize).filter(|sigma| sigma.is_finite())?;
         let larger = (size as f64 * most / options.sigma_most_px / 8.0).ceil() as usize * 8;
-        return (size < larger && larger <= 128).then_some(larger);
-    }
-    /// Nearly everywhere.
-    const SHARE: f64 = 0.8;
-    let shows_texture = |size: usize| {
-        let Roi { x0, y0, x1, y1 } = mesh.bounds(0);
-        let side = 2.0 * size as f64;
-        let boxes = |low: f64, high: f64| (0..((high - low) / side) as usize).map(move |k| low + side * k as f64);
-        let seen = boxes(y0, y1).flat_map(|y| boxes(x0, x1).map(move |x| [x, y, x + side, y + side]));
-        let seen: Vec<bool> = seen.map(|of| CommonTexture::within(image, of).stands_out(noise)).collect();
-        seen.iter().filter(|seen| **seen).count() as f64 > SHARE * seen.len() as f64
-    };
-    [2, 3, 4, 6, 8].map(|times| times * size).into_iter().find(|&size| size <= 128 && shows_texture(size))
+        (size < larger && larger <= 128).then_some(larger)
+    })
 }
 
 /// Refuses nodes without texture that are more than their share of a zone, or on a border of which none may be left
@@ -336,7 +319,7 @@ mod tests {
     use super::*;
     use crate::field::Brightness;
     use crate::imaging::Interpolation;
-    use crate::mesh::Zone;
+    use crate::mesh::{Roi, Zone};
 
     #[test]
     fn what_is_kept_from_round_to_round_is_what_would_be_made_anew() {

@@ -4,7 +4,7 @@
 use crate::backend::{ElementMoments, KernelOptions};
 use crate::correlate::{Options, assumed_noise};
 use crate::field::Brightness;
-use crate::imaging::{Image, Interpolation};
+use crate::imaging::Image;
 use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, alike, upper};
 use crate::mesh::{Mesh, mean_products};
 use crate::units::Px;
@@ -49,7 +49,9 @@ impl AssumedNoise {
 
     /// The noise that is stated, where it is beyond what the fine structure of the image holds.
     pub fn beyond_image(self) -> Option<f64> {
-        Some(self.of_check).filter(|stated| self.is_stated && *stated > self.in_image)
+        /// Of the noise of one image: what its fine structure tells scatters.
+        const BEYOND: f64 = 1.25;
+        Some(self.of_check).filter(|stated| self.is_stated && *stated > BEYOND * self.in_image)
     }
 
     /// The same for images of 2^level by 2^level pixels averaged.
@@ -59,8 +61,8 @@ impl AssumedNoise {
     }
 
     /// What it adds to the mean square of each component of the reference's gradient.
-    pub fn lambda(self, interpolation: Interpolation) -> f64 {
-        self.of_reference * self.of_reference * interpolation.gradient_noise_gain()
+    pub fn lambda(self, kernel: &KernelOptions) -> f64 {
+        self.of_reference * self.of_reference * kernel.gradient_noise_gain
     }
 }
 

@@ -2,8 +2,7 @@
 
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place, couple};
 use crate::correlate::{
-    AssumedNoise, CommonTexture, OfElement, PenaltyScale, Regularisation, Regulariser, diagonal_with_noise,
-    find_faults, without_noise,
+    AssumedNoise, OfElement, PenaltyScale, Regularisation, Regulariser, diagonal_with_noise, find_faults, without_noise,
 };
 use crate::linalg::{Pattern, Solver};
 use crate::mesh::{Mesh, PixelMesh, shape_functions};
@@ -55,19 +54,18 @@ impl<B: Backend> Level<B> {
         options: &KernelOptions,
         regularisation: Regularisation,
     ) -> Result<Self, BackendError> {
-        let (prepared, moments) = backend.reference(frame, level, mesh, options)?;
+        let (prepared, moments) = backend.reference(frame, level, mesh, options, None)?;
         let mesh = mesh.mesh.clone();
         let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
         // Averaging 2^l by 2^l pixels divides the noise by 2^l.
         let noise = noise.at_level(level);
         let mut keep = vec![true; mesh.n_nodes()];
         let support = support(&pattern, &moments);
-        let lambda = noise.lambda(options.interpolation);
+        let lambda = noise.lambda(options);
         let of_elements = OfElement::all(&mesh, &moments, options, lambda);
         let blocks: Vec<_> =
             (0..mesh.n_nodes()).map(|node| diagonal_with_noise(&mesh, &pattern, &of_elements, node)).collect();
-        let faults =
-            find_faults(&mesh, &blocks, &support, &noise, options.interpolation, &|_| CommonTexture::default());
+        let faults = find_faults(&mesh, &blocks, &support, &noise, options.gradient_noise_gain, f64::INFINITY);
         faults.iter().for_each(|fault| keep[fault.node] = false);
         let moments = Arc::new(moments);
         let mut matrix = without_noise(&mesh, &pattern, &of_elements);

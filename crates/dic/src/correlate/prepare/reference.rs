@@ -13,6 +13,7 @@ pub struct Reference {
     pub(crate) device: String,
     pub(crate) frames_in_flight: usize,
     pub(crate) options: Options,
+    /// That of the finest level.
     pub(crate) kernel: KernelOptions,
     pub(crate) size: [usize; 2],
     pub(crate) mesh: Arc<Mesh<Px>>,
@@ -27,6 +28,7 @@ pub struct Reference {
     pub(crate) held: Vec<TextureFault>,
     pub(crate) bare_borders: Vec<BareBorder>,
     pub(crate) grey_range: f64,
+    pub(crate) smoothing_px: f64,
 }
 
 impl Reference {
@@ -70,6 +72,12 @@ impl Reference {
         self.grey_range
     }
 
+    /// Standard deviation, px, of the Gaussian by which the reference is smoothed for its gradient: 0 but for references
+    /// with so much noise that displacements are more certain with it.
+    pub fn smoothing_px(&self) -> f64 {
+        self.smoothing_px
+    }
+
     /// Grey levels that a transfer adds after its gain, in the images' own scale.
     pub fn offset_of(&self, transfer: GreyTransfer) -> f64 {
         transfer.offset + f64::from(self.kernel.grey_offset) * (1.0 - transfer.gain)
@@ -103,7 +111,7 @@ impl Reference {
     /// of the gradient, the pixels n of the element and the k images whose mean the reference is; times the noise
     /// of one image squared and [`crate::mesh::mean_products`] (THEORY 10).
     pub fn gradient_noise(&self) -> Vec<f64> {
-        let gain = self.options.interpolation.gradient_noise_gain() / self.options.n_references.max(1) as f64;
+        let gain = self.kernel.gradient_noise_gain / self.options.n_references.max(1) as f64;
         self.moments.iter().map(|moments| gain * moments.n).collect()
     }
 
@@ -130,7 +138,7 @@ impl Reference {
             let moments = &self.moments[self.mesh.zone_elements(zone)];
             let power: f64 = moments.iter().map(|m| gradient_sums(m)[0] + gradient_sums(m)[2]).sum();
             let support: f64 = moments.iter().map(|m| 2.0 * m.n).sum();
-            let from_noise = noise * noise * self.options.interpolation.gradient_noise_gain() * support;
+            let from_noise = noise * noise * self.kernel.gradient_noise_gain * support;
             if from_noise < power { from_noise / power } else { 1.0 }
         };
         found.zones.iter().enumerate().map(of_zone).collect()

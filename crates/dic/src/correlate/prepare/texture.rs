@@ -1,8 +1,7 @@
 //! Does every node see texture? (THEORY 2)
 
 use crate::backend::ElementMatch;
-use crate::correlate::{AssumedNoise, CommonTexture, Lack, TextureFault};
-use crate::imaging::Interpolation;
+use crate::correlate::{AssumedNoise, Lack, TextureFault};
 use crate::mesh::Mesh;
 use crate::units::Px;
 use rayon::prelude::*;
@@ -18,20 +17,27 @@ fn noise_margin(support: f64, is_stated: bool) -> f64 {
     safety + 4.8 / support.max(1.0).sqrt()
 }
 
+/// The standard uncertainty, px, that noise alone may pretend where nothing but noise is in the gradient: of a node of
+/// `support`, for noise that adds `gain` times its variance to the mean square of each component.
+fn pretended_px(support: f64, gain: f64) -> f64 {
+    let beyond = noise_margin(support, true) - 1.0;
+    (2.0 / (support.max(1.0) * gain * beyond)).sqrt()
+}
+
 /// The nodes whose 2x2 block is singular within the `noise`, grey levels; those without any pixel among them.
 ///
 /// The block is `sum psi^2 grad f grad f^T`; its smallest eigenvalue over `sum psi^2` is the mean square gradient in
-/// the weakest direction. Noise adds `noise^2` times the gain of the gradient, to `blocks`, `[xx, xy, yy]`, too. What it
-/// hides from single pixels counts where the pixels around a node have it in `common`.
+/// the weakest direction. Noise adds `noise^2` times the `gain` of the gradient, to `blocks`, `[xx, xy, yy]`, too. Where
+/// that could not make a node look more certain than `most_px`, its standard uncertainty alone decides.
 pub(crate) fn find_faults(
     mesh: &Mesh<Px>,
     blocks: &[[f64; 3]],
     support: &[f64],
     noise: &AssumedNoise,
-    interpolation: Interpolation,
-    common: &(dyn Fn(usize) -> CommonTexture + Sync),
+    gain: f64,
+    most_px: f64,
 ) -> Vec<TextureFault> {
-    let from_noise = noise.of_check * noise.of_check * interpolation.gradient_noise_gain();
+    let from_noise = noise.of_check * noise.of_check * gain;
     (0..mesh.n_nodes())
         .into_par_iter()
         .with_min_len(2048)
@@ -40,7 +46,7 @@ pub(crate) fn find_faults(
             let needed = noise_margin(weight, noise.is_stated) * from_noise;
             let [weakest, strongest] = weakest_and_strongest(blocks[node], weight);
             // The relative floor catches exact stripes in noise-free images, where f32 leaves a rest.
-            let is_hidden = weakest <= needed && !common(node).stands_out(noise.of_check);
+            let is_hidden = weakest <= needed && pretended_px(weight, gain) < most_px;
             let fault = support[node] <= 0.0 || is_hidden || weakest <= 1e-5 * strongest;
             fault.then(|| TextureFault {
                 node,
@@ -68,24 +74,15 @@ pub(crate) struct SeenByNode {
     weakest: f64,
     /// Sum of psi^2 over the pixels.
     support: f64,
-    /// Where noise may hide what single pixels see.
-    common: CommonTexture,
 }
 
-/// What every node sees, by its block with its noise, which adds `from_noise`.
-pub(crate) fn seen_by_nodes(
-    blocks: &[[f64; 3]],
-    support: &[f64],
-    from_noise: f64,
-    common: &(dyn Fn(usize) -> CommonTexture + Sync),
-) -> Vec<SeenByNode> {
-    let seen = |node: usize| {
-        let support = support[node];
-        let [weakest, _] = weakest_and_strongest(blocks[node], support.max(f64::MIN_POSITIVE));
-        let seen = SeenByNode { weakest, support, common: CommonTexture::default() };
-        if support > 0.0 && seen.is_noisy(from_noise) { SeenByNode { common: common(node), ..seen } } else { seen }
+/// What every node sees, by its block with its noise.
+pub(crate) fn seen_by_nodes(blocks: &[[f64; 3]], support: &[f64]) -> Vec<SeenByNode> {
+    let seen = |(&block, &support): (&[f64; 3], &f64)| {
+        let [weakest, _] = weakest_and_strongest(block, support.max(f64::MIN_POSITIVE));
+        SeenByNode { weakest, support }
     };
-    (0..blocks.len()).into_par_iter().with_min_len(2048).map(seen).collect()
+    blocks.iter().zip(support).map(seen).collect()
 }
 
 impl SeenByNode {
@@ -97,10 +94,10 @@ impl SeenByNode {
 
     /// Whether nothing of it stands out of noise of the variance `square`, which adds `gain` times as much to the mean
     /// square of each component of the gradient: noise that was seen, so that it is enough that more is there than it
-    /// can scatter by. What single pixels do not see counts where it leaves the node `is_certain` enough.
-    fn is_noise(self, square: f64, gain: f64, is_certain: bool) -> bool {
+    /// can scatter by. It stays, with the standard uncertainty that it has, where noise could pretend none of `most_px`.
+    fn is_noise(self, square: f64, gain: f64, most_px: f64) -> bool {
         let is_hidden = self.weakest <= noise_margin(self.support, true) * gain * square;
-        is_hidden && !(is_certain && self.common.stands_out(square.sqrt()))
+        is_hidden && pretended_px(self.support, gain) < most_px
     }
 }
 
@@ -115,7 +112,7 @@ pub(crate) fn lost_in_noise(
     elements: &[ElementMatch],
     (of_pair, gain): (&[f64], f64),
     measured: &[bool],
-    is_certain: impl Fn(usize) -> bool,
+    most_px: f64,
 ) -> Vec<usize> {
     let mut sums = vec![[0.0; 2]; mesh.n_nodes()];
     for (element, (nodes, matched)) in mesh.elements().iter().zip(elements).enumerate() {
@@ -127,7 +124,7 @@ pub(crate) fn lost_in_noise(
     }
     let is_lost = |&node: &usize| {
         let [squares, n] = sums[node];
-        measured[node] && n > 0.0 && seen[node].is_noise(squares / n, gain, is_certain(node))
+        measured[node] && n > 0.0 && seen[node].is_noise(squares / n, gain, most_px)
     };
     (0..mesh.n_nodes()).filter(is_lost).collect()
 }

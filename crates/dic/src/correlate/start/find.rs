@@ -106,14 +106,18 @@ impl<B: Backend> Correlator<B> {
         Ok(if better { (again, tried) } else { (found, first) })
     }
 
-    /// The motions of the `wanted` zones by points that look alike, wherever in the image; none of the others.
-    fn search_everywhere(&self, frame: &B::Frame, wanted: impl Fn(usize) -> bool) -> Vec<Vec<Motion>> {
+    /// The points of the reference by which it is looked for in all of an image.
+    pub(crate) fn features(&self) -> &Features {
         // As `periods`: nobody may wait for what is made in parallel.
         let made = self.features.get().is_none().then(|| Features::of(&self.image));
-        let features = self.features.get_or_init(|| made.unwrap_or_else(|| Features::of(&self.image)));
+        self.features.get_or_init(|| made.unwrap_or_else(|| Features::of(&self.image)))
+    }
+
+    /// The motions of the `wanted` zones by points that look alike, wherever in the image; none of the others.
+    fn search_everywhere(&self, frame: &B::Frame, wanted: impl Fn(usize) -> bool) -> Vec<Vec<Motion>> {
         let deformed = Features::of(&self.backend.image(frame));
         let of_zone = |zone: usize| match wanted(zone) {
-            true => wide_motions(features, &deformed, &self.zone_pixels[zone], self.levels.len() - 1),
+            true => wide_motions(self.features(), &deformed, &self.zone_pixels[zone], self.levels.len() - 1),
             false => Vec::new(),
         };
         (0..self.zone_pixels.len()).map(of_zone).collect()

@@ -1,6 +1,7 @@
 //! Where a frame begins: tiles, features, motions of zones, textures that repeat.
 
 pub(crate) mod ambiguity;
+pub(crate) mod blocks;
 pub(crate) mod features;
 pub(crate) mod find;
 pub(crate) mod initial;

@@ -70,6 +70,12 @@ impl Motion {
         Self { affine, deviations: Vec::new() }
     }
 
+    /// The same moved on by a shift.
+    pub fn shifted(mut self, by: [f64; 2]) -> Self {
+        (0..2).for_each(|c| self.affine.shift[c] += by[c]);
+        self
+    }
+
     /// An affine motion with what matches find beyond it around them.
     pub fn with_deviations(affine: Affine, matches: &[Match]) -> Self {
         let deviation = |m: &Match| {

@@ -9,10 +9,10 @@ mod sides;
 use crate::correlate::{Correlation, Result, is_mismatch};
 use crate::field::{CrackLine, Jump, Measurement, ModelError, NodalNoise};
 use crate::imaging::Image;
-use crate::mesh::{Crack, FacePoint, Mesh, Zone, project};
+use crate::mesh::{Crack, FacePoint, Mesh, Zone, point_along, project};
 use crate::units::Px;
 use lines::{Group, distance, groups, middle};
-use sides::{Between, Sides, sides};
+use sides::{Between, Sides, place_beside, sides};
 use std::fmt;
 
 /// A place is open by so many of its standard uncertainties.
@@ -37,6 +37,8 @@ const WORST_PX: f64 = 0.5;
 const BESIDE: f64 = 2.0;
 /// Lines that are looked at in one frame.
 const MOST: usize = 8;
+/// A path is moved where so many pixels across it follow the wrong side: fewer are within the guard of the crack.
+const WRONG_SIDE_PX: f64 = 0.5;
 /// Points of a path leave out what lies this near to the line between others, px.
 const STRAIGHT_PX: f64 = 0.75;
 
@@ -170,6 +172,54 @@ pub fn search_cracks(
         }
     }
     Ok(search)
+}
+
+/// A path that was drawn, on the crack of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MovedPath {
+    /// Points along it in order, px of the reference.
+    pub path: Vec<[f64; 2]>,
+    /// The largest move of a point, px; 0 where it was drawn on the crack.
+    pub by_px: f64,
+}
+
+/// Moves `path`, drawn by hand, onto the crack of a frame whose mesh is `uncut` there: where the pixels change from the
+/// motion of one side to that of the other. `None` where no crack is seen.
+///
+/// What lies between a crack and a path beside it is measured with the wrong side, and openings with it.
+pub fn move_onto_crack(path: &[[f64; 2]], uncut: &Measurement<Px>, images: [&Image; 2]) -> Option<MovedPath> {
+    // Nodes between it and the crack would count to the wrong side: from further off it is looked for beside itself.
+    let size = uncut.mesh.element_size();
+    let (steps, between) = [0.0, 0.5, -0.5, 1.0, -1.0].into_iter().find_map(|steps| {
+        match sides(&move_across(path, steps * size), uncut, images) {
+            Sides::Two(between) if between.share >= FOLLOWED => Some((steps, between)),
+            _ => None,
+        }
+    })?;
+    if steps == 0.0 && between.beside < WRONG_SIDE_PX {
+        return Some(MovedPath { path: path.to_vec(), by_px: 0.0 });
+    }
+    let followed = smooth(&between.path);
+    let places: Vec<[f64; 2]> = followed.iter().filter_map(|&at| place_beside(path, at)).collect();
+    let by_px = places.iter().map(|[_, across]| across.abs()).fold(0.0, f64::max);
+    // Its ends lie where they were drawn, as far across as the crack is beside the nearest place that is followed.
+    let end = |at: [f64; 2], place: Option<&[f64; 2]>| {
+        let (&[along, across], [from, _]) = (place?, place_beside(path, at)?);
+        let (_, [tx, ty]) = point_along(path, from)?;
+        ((along - from).abs() > 1.0).then(|| [at[0] + across * ty, at[1] - across * tx])
+    };
+    let [first, last] = [end(*path.first()?, places.first()), end(*path.last()?, places.last())];
+    let points: Vec<[f64; 2]> = first.into_iter().chain(followed).chain(last).collect();
+    let path = straighten(&points).into_iter().map(|p| p.map(|v| (10.0 * v).round() / 10.0)).collect();
+    Some(MovedPath { path, by_px })
+}
+
+/// The points of a path moved by `px` to the left of the way from its first to its last.
+fn move_across(path: &[[f64; 2]], px: f64) -> Vec<[f64; 2]> {
+    let [Some(first), Some(last)] = [path.first(), path.last()] else { return Vec::new() };
+    let length = distance(*first, *last).max(f64::MIN_POSITIVE);
+    let across = [(last[1] - first[1]) / length, (first[0] - last[0]) / length];
+    path.iter().map(|at| [0, 1].map(|c| at[c] + px * across[c])).collect()
 }
 
 impl CrackSearch {

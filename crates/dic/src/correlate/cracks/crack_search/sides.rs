@@ -33,6 +33,9 @@ pub(super) struct Between {
     pub apart: Vec<Option<f64>>,
     /// Share of the places between that are.
     pub share: f64,
+    /// Pixels across the line that follow the other side than the one that the line itself has them on, for each pixel
+    /// along: those that do not match there count in full.
+    pub beside: f64,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -55,7 +58,7 @@ impl Station {
 }
 
 /// A place beside a line: how far along, how far to the side `+`.
-fn beside(line: &[[f64; 2]], at: [f64; 2]) -> Option<[f64; 2]> {
+pub(super) fn place_beside(line: &[[f64; 2]], at: [f64; 2]) -> Option<[f64; 2]> {
     let found = project(line, at)?;
     let (on, [tx, ty]) = point_along(line, found.along)?;
     let d = [at[0] - on[0], at[1] - on[1]];
@@ -76,7 +79,7 @@ fn stations(line: &[[f64; 2]], length: f64, field: &Measurement<Px>) -> Vec<Opti
     }
     let near: Vec<([f64; 2], usize)> = (0..mesh.n_nodes())
         .filter(|&node| good[node])
-        .filter_map(|node| Some((beside(line, mesh.nodes()[node])?, node)))
+        .filter_map(|node| Some((place_beside(line, mesh.nodes()[node])?, node)))
         .filter(|([_, across], _)| across.abs() < 2.0 * ACROSS * size)
         .collect();
     let n = (2.0 * length / size).ceil() as usize + 1;
@@ -128,7 +131,7 @@ impl Costs {
         // Beyond an end a place beside the line may be further from it than it is across.
         for [x, y] in around(line, 1.2 * half as f64, reference) {
             let at = [x as f64, y as f64];
-            let Some([s, t]) = beside(line, at) else { continue };
+            let Some([s, t]) = place_beside(line, at) else { continue };
             let bin = (t + half as f64).floor();
             let Some(Some(station)) = stations.get((2.0 * s / size).round() as usize) else { continue };
             if bin < 0.0 || bin >= n_across as f64 {
@@ -223,6 +226,19 @@ impl Costs {
         border
     }
 
+    /// What the pixels at the places `along` leave less of where the border parts them than where the line does, in the
+    /// variance of the grey levels.
+    fn gained(&self, border: &[usize], along: std::ops::Range<usize>) -> f64 {
+        let of_place = |s: usize| {
+            let row = s * self.n_across;
+            let [line, at] = [self.half as usize, border[s]];
+            let (low, high) = (row + line.min(at), row + line.max(at));
+            let [plus, minus] = self.of_side.each_ref().map(|side| Self::sum(side, low, high));
+            if at > line { plus - minus } else { minus - plus }
+        };
+        along.map(of_place).sum::<f64>() / self.variance
+    }
+
     /// Whether the pixels beside the border at the places `along` follow each its own side; none where there are none.
     fn follows(&self, border: &[usize], along: std::ops::Range<usize>, strip: usize) -> Option<bool> {
         let (mut both, mut alone, mut n) = (0.0, [0.0; 2], 0.0);
@@ -278,6 +294,8 @@ pub(super) fn sides(line: &[[f64; 2]], field: &Measurement<Px>, images: [&Image;
     let (Some(first), Some(last)) = ((0..blocks.len()).find(yes), (0..blocks.len()).rev().find(yes)) else {
         return Sides::One;
     };
+    let followed = first * step..((last + 1) * step).min(costs.n_along);
+    let beside = costs.gained(&border, followed.clone()) / followed.len() as f64;
     let known = blocks[first..=last].iter().flatten().count();
     let n = blocks[first..=last].iter().filter(|block| **block == Some(true)).count();
     if n < 3 {
@@ -296,5 +314,5 @@ pub(super) fn sides(line: &[[f64; 2]], field: &Measurement<Px>, images: [&Image;
     };
     let places = (first..=last).filter(|&k| blocks[k] != Some(false)).filter_map(|k| Some((k, place(k)?)));
     let (path, apart) = places.map(|(k, at)| (at, apart(k, at))).unzip();
-    Sides::Two(Between { path, apart, share: n as f64 / known.max(1) as f64 })
+    Sides::Two(Between { path, apart, share: n as f64 / known.max(1) as f64, beside })
 }
