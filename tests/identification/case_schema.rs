@@ -295,7 +295,7 @@ fn the_schema_refuses_what_the_parser_refuses() {
 #[test]
 fn defaults_in_the_schema_are_those_of_the_code() {
     let schema = case_schema(&case_laws());
-    let images = Images { reference: Vec::new(), deformed: Vec::new(), grows: false, left_out: Vec::new() };
+    let images = Images { reference: Vec::new(), deformed: Vec::new(), grows: false, said: Vec::new() };
     let plan = Plan::with(&Request::default(), &CaseFile::default(), images).unwrap();
     assert_eq!(plan.options, Options { n_references: 0, ..Options::default() });
     let fields = (plan.update, plan.strain, plan.strain_window, plan.accepted);
