@@ -204,7 +204,11 @@ fn lines_before_the_header_are_passed_over_and_said() {
         "Machine 3\nRate\t1\nTime\tLoad\n(s)\t(N)\n0,5\t10\n1\t20,5\n",
     ] {
         let (values, said) = last(text, 2);
-        assert_eq!(values, [10.0, 20.5], "{text:?}");
+        assert_eq!(
+            (values, parse(text, 2).unwrap().columns[1].name.as_str()),
+            (vec![10.0, 20.5], "Load_N"),
+            "{text:?}"
+        );
         assert_eq!(said.contains("before the header"), !text.starts_with("sep"), "{text:?}: {said}");
     }
     // The line of a fault is that of the file.

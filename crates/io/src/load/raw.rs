@@ -313,6 +313,11 @@ fn are_units_below(header: &StringRecord, row: &StringRecord) -> bool {
     are_units && (header.iter().any(lacks_unit) || are_known)
 }
 
+fn has_name_and_unit(cell: &str) -> bool {
+    let named = Named::new(cell, None);
+    named.unit.is_some() && !named.base.is_empty()
+}
+
 /// The place of the header among the rows: the first of those with names of which the rows below it, units or not, are
 /// numbers. The first row of all where there is none such, or where it has units itself.
 fn header_at(rows: &[StringRecord]) -> usize {
@@ -324,13 +329,16 @@ fn header_at(rows: &[StringRecord]) -> usize {
     };
     let is_text = |row: &StringRecord| !row.iter().any(|cell| !cell.is_empty() && is_value(cell));
     let has_units = |row: &StringRecord| {
-        row.iter().take(width(row)).all(|cell| is_frame(cell) || Named::new(cell, None).unit.is_some())
+        let is_named = |cell: &str| is_frame(cell) || has_name_and_unit(cell);
+        row.iter().take(width(row)).all(is_named)
     };
     let below_is_data = |at: usize, header: &StringRecord| {
         let is_data =
             |row: &&StringRecord| row.iter().all(is_value) && row.len() >= width(header) && width(row) <= header.len();
         let below = |skip: usize| rows.get(at + skip).filter(is_data).is_some();
-        below(1) || below(2) && rows.get(at + 1).is_some_and(|units| are_units_below(header, units))
+        // A line of names with units is a header itself, whatever stands above it.
+        let is_units = |row: &StringRecord| !has_units(row) && are_units_below(header, row);
+        below(1) || below(2) && rows.get(at + 1).is_some_and(is_units)
     };
     match rows.first() {
         Some(first) if has_units(first) => 0,
