@@ -45,7 +45,7 @@ impl Raised for CorrelationError {
 impl Raised for RunError {
     fn kind(&self) -> &'static str {
         match self {
-            Self::Refused(_) | Self::WhichReference { .. } => "OptionError",
+            Self::Refused(_) | Self::WhichReference { .. } | Self::TwoCameras(_) => "OptionError",
             Self::Reference(_) | Self::Image(_) | Self::Series(_) => "ImageError",
             Self::HoldsAnother { .. }
             | Self::Busy { .. }

@@ -49,5 +49,4 @@ pub(crate) use self::{
     folder::record::Record,
     folder::restart::all_frames,
     folder::run_folder::{About, FIGURES, frame_in_words, locks_in, save_picture},
-    words::error::shell_word,
 };

@@ -42,7 +42,7 @@ fn a_reference_that_cannot_be_read_is_refused_with_its_name_and_what_to_do() {
     desk.image("ref.tif", &moved([0.0, 0.0]));
     let whole = desk.bytes("ref.tif");
     desk.write("cut.tif", &whole[..whole.len() / 2]);
-    desk.write("folder/a.png", "");
+    desk.write("folder/a.txt", "");
     float_file_with(&desk, "nan.tif", f32::NAN);
     float_file_with(&desk, "infinite.tif", f32::NEG_INFINITY);
     for (reference, wanted) in [
@@ -58,7 +58,7 @@ fn a_reference_that_cannot_be_read_is_refused_with_its_name_and_what_to_do() {
     ] {
         for line in [format!("--reference {reference} a.png"), format!("{reference} a.png")] {
             if reference == "folder" && !line.starts_with("--reference") {
-                // As one of a series a folder is a slip of the pen: the files in it were meant.
+                // As one of a series a folder stands for the images in it.
                 desk.correlate(&format!("--output out {line}")).refused(&["`folder` is a folder", "folder/*.tif"]);
                 continue;
             }
@@ -456,7 +456,7 @@ fn a_folder_among_the_frames_is_refused_by_name_and_passed_over_by_a_glob() {
     let desk = Desk::with_series();
     desk.write("folder.png/x", "");
     let ran = desk.correlate("--output out ref.png a.png folder.png b.png");
-    ran.refused(&["`folder.png` is a folder", "name the files in it", "folder.png/*.tif"]);
+    ran.refused(&["`folder.png` is a folder without images", "name the files", "folder.png/*.tif"]);
     let ran = desk.correlate(&format!("{INSIDE} --output out --reference ref.png *.png")).fine();
     assert_eq!(ran.statuses("out"), ["converged"; 3]);
 }

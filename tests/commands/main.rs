@@ -12,6 +12,7 @@ mod armour;
 mod bad_input;
 mod book;
 mod cli;
+mod doors;
 mod exports;
 mod figures;
 mod fuzz;

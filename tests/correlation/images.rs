@@ -8,7 +8,7 @@ use image::codecs::pnm::{PnmEncoder, PnmSubtype, SampleEncoding};
 use image::{ExtendedColorType, ImageEncoder};
 use proptest::prelude::*;
 use quadrille::imaging::{Image, ImageError, Levels, Pixels};
-use quadrille::io::images::{Loaded, ReadError, WriteError, read_image, write_image};
+use quadrille::io::images::{Accepted, Loaded, PagedFile, ReadError, WriteError, pages_of, read_image, write_image};
 use quadrille::io::series::{SeriesError, expand_series};
 use std::io::Cursor;
 use std::path::Path;
@@ -105,8 +105,12 @@ fn tiff_file(big_endian: bool, pages: &[Page]) -> Vec<u8> {
         tags.sort();
         let mut directory = number(tags.len() as u32, 2);
         for (tag, values) in tags {
-            // Sizes and offsets are LONG, all else is SHORT.
-            let size = if matches!(tag, 256 | 257 | 273 | 279 | 324 | 325) { 4 } else { 2 };
+            // Texts are ASCII, sizes and offsets are LONG, all else is SHORT.
+            let size = match tag {
+                270 => 1,
+                256 | 257 | 273 | 279 | 324 | 325 | 330 => 4,
+                _ => 2,
+            };
             let mut field: Vec<u8> = values.iter().flat_map(|&v| number(v, size)).collect();
             if field.len() > 4 {
                 let at = file.len() as u32;
@@ -116,7 +120,7 @@ fn tiff_file(big_endian: bool, pages: &[Page]) -> Vec<u8> {
             }
             field.resize(4, 0);
             directory.extend(number(tag.into(), 2));
-            directory.extend(number(if size == 4 { 4 } else { 3 }, 2));
+            directory.extend(number([0, 2, 3, 0, 4][size], 2));
             directory.extend(number(values.len() as u32, 4));
             directory.extend(field);
         }
@@ -126,6 +130,28 @@ fn tiff_file(big_endian: bool, pages: &[Page]) -> Vec<u8> {
         link = file.len();
         file.extend([0; 4]);
     }
+    file
+}
+
+/// Sets the number of `tag` in the first directory of a little-endian file.
+fn set(file: &mut [u8], tag: u16, value: u32) {
+    let number = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) as usize;
+    let first = number(4);
+    let n = usize::from(u16::from_le_bytes([file[first], file[first + 1]]));
+    let mut entries = (0..n).map(|k| first + 2 + 12 * k);
+    let entry = entries.find(|&at| file[at..at + 2] == tag.to_le_bytes()).unwrap();
+    file[entry + 8..entry + 12].copy_from_slice(&value.to_le_bytes());
+}
+
+/// A raw file as cameras write it: a thumbnail, with `picture` in a directory below it.
+fn raw_file(thumbnail: Page, picture: Page) -> Vec<u8> {
+    let mut file = tiff_file(false, &[thumbnail.with(254, &[1]).with(330, &[0]), picture]);
+    let number = |file: &[u8], at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap());
+    let first = number(&file, 4) as usize;
+    let link = first + 2 + 12 * usize::from(u16::from_le_bytes([file[first], file[first + 1]]));
+    let second = number(&file, link);
+    set(&mut file, 330, second);
+    file[link..link + 4].fill(0);
     file
 }
 
@@ -579,6 +605,112 @@ fn a_page_of_several_is_chosen() {
 }
 
 #[test]
+fn the_picture_below_a_thumbnail_is_read_and_no_mosaic_is_taken_for_grey() {
+    let bytes = bytes_of(&levels());
+    let small = Page::new(8, 1, vec![7; 12]).with(256, &[4]).with(257, &[3]);
+    let file = raw_file(small.clone(), Page::new(8, 1, bytes.clone()));
+    let notes = assert_reads("DSC_1.NEF", &file, &Pixels::U8(bytes.clone()));
+    assert_notes(&notes, &["the first page of 4 x 3 px is the thumbnail"]);
+    let mut opened = PagedFile::of("DSC_1.NEF".into(), file).unwrap();
+    assert_eq!(opened.images().unwrap(), [0]);
+    // Of two pages the first of which is a thumbnail, the second is the picture; asked for, a page is itself.
+    let file = tiff_file(false, &[small.clone().with(254, &[1]), Page::new(8, 1, bytes.clone())]);
+    let notes = assert_reads("two.tif", &file, &Pixels::U8(bytes.clone()));
+    assert_notes(&notes, &["thumbnail", "2 pages"]);
+    assert_eq!(PagedFile::of("two.tif".into(), file).unwrap().images().unwrap(), [1]);
+    // What lies below a picture and is smaller is a preview of it.
+    let preview = Page::new(8, 1, bytes.clone()).with(254, &[0]);
+    let mut below = raw_file(preview, small.clone());
+    set(&mut below, 254, 0);
+    assert_notes(&assert_reads("a.tif", &below, &Pixels::U8(bytes.clone())), &[]);
+    for (tag, value, wanted) in [(262, 32803, "raw mosaic of a colour camera"), (259, 34713, "Nikon")] {
+        let file = raw_file(small.clone(), Page::new(8, 1, bytes.clone()).with(tag, &[value]));
+        let error = read_page("DSC_1.NEF", &file, 0).unwrap_err();
+        assert!(matches!(error, ReadError::Unsupported { .. }) && error.to_string().contains(wanted), "{error}");
+    }
+}
+
+#[test]
+fn a_stack_under_one_directory_is_as_many_images_as_it_says() {
+    let bytes = bytes_of(&levels());
+    let image = |k: u8| bytes.iter().map(|v| v ^ k).collect::<Vec<_>>();
+    let stack = |description: &str| {
+        let text: Vec<u32> = description.bytes().chain([0]).map(u32::from).collect();
+        let page = Page::new(8, 1, [image(0), image(1), image(2)].concat()).with(270, &text);
+        let mut file = tiff_file(false, &[page]);
+        set(&mut file, 279, SIZE as u32);
+        file
+    };
+    let shape = format!("{{\"shape\": [3, {HEIGHT}, {WIDTH}], \"truncated\": true}}");
+    for description in ["ImageJ=1.54f\nimages=3\nslices=3\n", &shape] {
+        let mut file = PagedFile::of("stack.tif".into(), stack(description)).unwrap();
+        assert_eq!(file.images().unwrap(), [0, 1, 2], "{description}");
+        for k in [2, 0, 1] {
+            let loaded = file.read(k, Accepted::default()).unwrap();
+            assert_eq!(loaded.image.pixels(), Pixels::U8(image(k as u8)), "{description}");
+        }
+        assert!(matches!(file.read(3, Accepted::default()), Err(ReadError::NoSuchPage { pages: 3, .. })));
+    }
+    let error = read_page("stack.tif", &stack("ImageJ=1.54f\nimages=4\n"), 0).unwrap_err();
+    assert!(matches!(error, ReadError::Truncated { .. }) && error.to_string().contains("holds 3"), "{error}");
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("short.tif"), stack("ImageJ=1.54f\nimages=9\n")).unwrap();
+    assert!(pages_of(&folder.path().join("short.tif")).is_err(), "a stack that is cut off is no series of one frame");
+    // Pages of their own, of which each names the number of all.
+    let text: Vec<u32> = b"ImageJ=1.54f\nimages=2\n\0".iter().map(|&v| v.into()).collect();
+    let page = |k| Page::new(8, 1, image(k)).with(270, &text);
+    let mut file = PagedFile::of("pages.tif".into(), tiff_file(false, &[page(0), page(1)])).unwrap();
+    assert_eq!(file.images().unwrap(), [0, 1]);
+    assert_eq!(file.read(1, Accepted::default()).unwrap().image.pixels(), Pixels::U8(image(1)));
+}
+
+#[test]
+fn the_orientation_of_a_page_or_of_exif_is_undone_and_said() {
+    let bytes = bytes_of(&levels());
+    let upright: Vec<u8> = (0..SIZE).map(|k| bytes[(HEIGHT - 1 - k % HEIGHT) * WIDTH + k / HEIGHT]).collect();
+    let exif = |orientation: u8| {
+        let mut data = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
+        data.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
+        data
+    };
+    let mut jpeg = Vec::new();
+    JpegEncoder::new(&mut jpeg).encode(&bytes, WIDTH as u32, HEIGHT as u32, ExtendedColorType::L8).unwrap();
+    let plain = read("a.jpg", &jpeg);
+    let segment = [&b"Exif\0\0"[..], &exif(6)].concat();
+    let head = [&[0xff, 0xe1][..], &(segment.len() as u16 + 2).to_be_bytes(), &segment].concat();
+    jpeg.splice(2..2, head);
+    let turned = read("b.jpg", &jpeg);
+    assert_eq!((turned.image.width(), turned.image.height()), (HEIGHT, WIDTH));
+    assert!((0..WIDTH).all(|y| (0..HEIGHT).all(|x| turned.image.grey(x, y) == plain.image.grey(y, HEIGHT - 1 - x))));
+    assert_notes(&turned.notes, &["turned by 90 degrees clockwise, as its orientation tag (6) says"]);
+    let file = tiff_file(false, &[Page::new(8, 1, bytes.clone()).with(274, &[6])]);
+    let loaded = read("c.tif", &file);
+    assert_eq!((loaded.image.width(), loaded.image.pixels()), (HEIGHT, quadrille::imaging::Levels::U8(&upright)));
+    // The size that is wanted is that of the picture upright, and so is that in a refusal.
+    let wanted = |size: [usize; 2]| {
+        let mut file = PagedFile::of("c.tif".into(), file.clone()).unwrap();
+        file.read(0, Accepted { size: Some(size), ..Accepted::default() })
+    };
+    assert!(wanted([HEIGHT, WIDTH]).is_ok());
+    let error = wanted([WIDTH, HEIGHT]).unwrap_err();
+    let said = format!("the image is {HEIGHT} x {WIDTH} px, the reference {WIDTH} x {HEIGHT} px");
+    assert!(error.to_string().contains(&said), "{error}");
+}
+
+#[test]
+fn colours_of_one_luminance_are_named() {
+    // Red and green in the proportion that luminance does not see.
+    let samples: Vec<u8> =
+        levels().iter().flat_map(|v| if v % 3 == 0 { [171, 80, 60] } else { [3, 130, 60] }).collect();
+    let notes = read("a.png", &png(&samples, ExtendedColorType::Rgb8)).notes;
+    assert!(notes.iter().any(|note| note.contains("hardly differ in luminance")), "{notes:?}");
+    let samples: Vec<u8> =
+        levels().iter().flat_map(|v| if v % 3 == 0 { [171, 180, 60] } else { [3, 30, 60] }).collect();
+    let notes = read("a.png", &png(&samples, ExtendedColorType::Rgb8)).notes;
+    assert!(!notes.iter().any(|note| note.contains("hardly differ")), "{notes:?}");
+}
+
+#[test]
 fn a_broken_list_of_pages_still_gives_the_pages_before() {
     let bytes = bytes_of(&levels());
     let mut file = tiff_file(false, &[Page::new(8, 1, bytes.clone())]);
@@ -919,7 +1051,7 @@ fn entries_keep_their_order_and_a_file_counts_once() {
 #[test]
 fn a_glob_without_a_file_a_folder_and_a_wrong_pattern_are_errors() {
     let folder = TempDir::new().unwrap();
-    touch(folder.path(), &["sub/a.tif"]);
+    touch(folder.path(), &["sub/a.txt", "own/b.tif", "own/a.TIF", "own/.c.tif"]);
     let error = |entry: &str| expand_series(&[entry.to_owned()], folder.path()).unwrap_err();
     let none = error("img_*.tif");
     assert!(matches!(none, SeriesError::NoMatch { .. }) && none.to_string().contains("`img_*.tif`"), "{none}");
@@ -929,6 +1061,7 @@ fn a_glob_without_a_file_a_folder_and_a_wrong_pattern_are_errors() {
     let sub = error("sub/");
     assert!(matches!(sub, SeriesError::Directory { .. }) && sub.to_string().contains("`sub/*.tif`"), "{sub}");
     assert!(matches!(error("a[.tif"), SeriesError::Pattern { .. }));
+    assert_eq!(expand(folder.path(), &["own"]), ["own/a.TIF", "own/b.tif"]);
 }
 
 // ---- images of real tests ----

@@ -407,7 +407,12 @@ fn every_variant_of_vtu_gives_the_same_zones() {
 fn pieces_of_a_grid_are_put_together() {
     let text = String::from_utf8(PLAIN.write()).unwrap();
     let piece = &text[text.find("<Piece").unwrap()..text.find("</UnstructuredGrid>").unwrap()];
-    let mesh = parse(text.replace(piece, &piece.repeat(2)));
+    let points = |below: f64| {
+        let points: Vec<String> = NODES.iter().map(|(_, [x, y])| format!("{x} {} 0.5", y + below)).collect();
+        points.join(" ")
+    };
+    assert!(piece.contains(&points(0.0)));
+    let mesh = parse(text.replace(piece, &[piece, &piece.replace(&points(0.0), &points(100.0))].concat()));
     assert_eq!(mesh.zones[0].elements.len(), 4);
     assert_eq!(mesh.zones[0].nodes.len(), 12, "the pieces share no node");
 }
@@ -547,6 +552,52 @@ fn wrong_nodes_are_named() {
     }
     let error = refused(text.replace("\n3 24.5", "\n7 24.5"), &["node 7 is there twice"]);
     assert!(matches!(error, MeshFileError::Invalid { .. }));
+}
+
+#[test]
+fn parametric_nodes_of_gmsh_are_nodes() {
+    let mut text = String::new();
+    for line in msh_22().lines() {
+        let is_node = line.ends_with(" 0.5");
+        writeln!(text, "{line}{}", if is_node { " 2 1 0.25 0.75" } else { "" }).unwrap();
+    }
+    let mesh = parse(text.replace("Nodes\n", "ParametricNodes\n"));
+    assert_eq!(mesh.zones, wanted(GROUPS));
+}
+
+#[test]
+fn elements_that_would_count_twice_and_sides_that_gape_are_named() {
+    let msh = |nodes: &[[f64; 2]], elements: &[&[u32]]| {
+        let mut text = format!("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{}\n", nodes.len());
+        for (k, [x, y]) in nodes.iter().enumerate() {
+            writeln!(text, "{} {x} {y} 0", k + 1).unwrap();
+        }
+        writeln!(text, "$EndNodes\n$Elements\n{}", elements.len()).unwrap();
+        for (k, nodes) in elements.iter().enumerate() {
+            let names: Vec<String> = nodes.iter().map(u32::to_string).collect();
+            writeln!(text, "{} {} 0 {}", 11 + k, nodes.len() - 1, names.join(" ")).unwrap();
+        }
+        text + "$EndElements\n"
+    };
+    let grid: Vec<[f64; 2]> = (0..9).map(|k| [16.0 * f64::from(k % 3), 16.0 * f64::from(k / 3)]).collect();
+    let quads: [&[u32]; 4] = [&[1, 2, 5, 4], &[2, 3, 6, 5], &[4, 5, 8, 7], &[5, 6, 9, 8]];
+    assert_eq!(parse(msh(&grid, &quads)).zones[0].elements.len(), 4);
+    // The same once more, with its nodes in another order; the same with nodes of its own.
+    let twice = [&quads[..], &[&[5, 4, 1, 2]]].concat();
+    let error = refused(msh(&grid, &twice), &["elements 11 and 15 have the same nodes"]);
+    assert!(matches!(error, MeshFileError::Twice { element: 11, other: 15, .. }));
+    let own = [&grid[..], &[[0.0, 0.0], [16.0, 0.0], [16.0, 16.0], [0.0, 16.0]]].concat();
+    let error = refused(msh(&own, &[&quads[..], &[&[10, 11, 12, 13]]].concat()), &["lie over each other"]);
+    assert!(matches!(error, MeshFileError::Overlap { .. }));
+    let over = [&grid[..], &[[8.0, 8.0], [24.0, 9.0], [23.0, 24.0]]].concat();
+    refused(msh(&over, &[&quads[..], &[&[10, 11, 12]]].concat()), &["and 15 lie over each other"]);
+    // A long element beside two short ones: the node between these hangs.
+    let error =
+        refused(msh(&grid, &[quads[0], quads[1], &[4, 6, 9, 7]]), &["node 5 of element", "a side of element 13"]);
+    assert!(matches!(error, MeshFileError::Hanging { node: 5, element: 13, .. }));
+    // Doubled nodes along a crack lie over each other, and elements touch there.
+    let crack = [&grid[..], &[[16.0, 16.0], [32.0, 16.0]]].concat();
+    assert_eq!(parse(msh(&crack, &[quads[0], quads[1], quads[2], &[10, 11, 9, 8]])).zones[0].elements.len(), 4);
 }
 
 #[test]

@@ -82,13 +82,13 @@ fn a_body_before_a_still_ground_of_the_same_zone_is_found_with_large_steps_and_w
             iterations += found.iterations;
             let field = &found.measurement;
             assert_eq!(field.status, Status::Converged, "{step:?}, frame {number}");
-            // Of nodes an element and a half from the edge of the body all elements are of one body, and not of what
-            // the body covers now.
+            // Of nodes two elements from the edge of the body all elements, and those around them, are of one body, and
+            // not of what the body covers now.
             let errors = |is_in: bool, v: [f64; 2]| -> Vec<[f64; 2]> {
                 let nodes = correlator.mesh().nodes().iter().enumerate().filter(|(_, x)| {
                     let beside = |c: usize| (PLACE[c] - x[c]).max(x[c] - PLACE[c + 2]);
                     let off = beside(0).max(beside(1));
-                    if is_in { off < -24.0 } else { off > 24.0 + u[0] }
+                    if is_in { off < -34.0 } else { off > 34.0 + u[0] }
                 });
                 let nodes = nodes.filter(|(node, _)| field.measured[*node]);
                 nodes
@@ -97,7 +97,7 @@ fn a_body_before_a_still_ground_of_the_same_zone_is_found_with_large_steps_and_w
             };
             for (what, errors) in [("body", errors(true, u)), ("ground", errors(false, [0.0; 2]))] {
                 assert!(
-                    errors.len() > 30 && rms(&errors) < 0.05,
+                    errors.len() > 15 && rms(&errors) < 0.05,
                     "{step:?}, {number}, {what}: {} {}",
                     errors.len(),
                     rms(&errors)
@@ -149,7 +149,7 @@ fn a_frame_that_has_lost_more_than_a_third_of_its_nodes_is_not_converged() {
 #[test]
 fn large_speckles_are_measured_although_noise_hides_the_gradient_of_each_pixel() {
     // Speckles of some 25 and 45 px with noise 2, on elements that hold two of them.
-    for (scale, most) in [(5.0, 0.1), (9.0, 0.2)] {
+    for (scale, most) in [(5.0, 0.1), (9.0, 0.25)] {
         let spots = Spots::new(4, SIDE, SPOT_PX);
         let image = |u: [f64; 2], seed: u64| {
             photographed(SIDE, 2.0, seed, |y| spots.grey([(y[0] - u[0]) / scale, (y[1] - u[1]) / scale]))

@@ -295,7 +295,7 @@ fn the_schema_refuses_what_the_parser_refuses() {
 #[test]
 fn defaults_in_the_schema_are_those_of_the_code() {
     let schema = case_schema(&case_laws());
-    let images = Images { reference: Vec::new(), deformed: Vec::new(), grows: false, left_out: Vec::new() };
+    let images = Images { reference: Vec::new(), deformed: Vec::new(), grows: false, said: Vec::new() };
     let plan = Plan::with(&Request::default(), &CaseFile::default(), images).unwrap();
     assert_eq!(plan.options, Options { n_references: 0, ..Options::default() });
     let fields = (plan.update, plan.strain, plan.strain_window, plan.accepted);
@@ -356,13 +356,15 @@ const NOT_KEYS: [(&str, &str); 15] = [
 ];
 
 /// Keys of the sections of a correlation that no flag stands for, and why.
-const NOT_FLAGS: [(&str, &str); 6] = [
+const NOT_FLAGS: [(&str, &str); 8] = [
     ("correlation.poisson", "hardly a field depends on it"),
     ("zone.name", "a flag gives several zones at once"),
     ("zone.exclude", "a list of lists is no word"),
     ("zone.group", "each group of --mesh is a zone"),
     ("zone.elements", "a flag gives several zones at once"),
     ("crack.name", "a flag gives several cracks at once"),
+    ("crack.snap", "a flag gives several cracks at once"),
+    ("crack.drawn", "a run records it"),
 ];
 
 #[test]

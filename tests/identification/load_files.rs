@@ -42,6 +42,8 @@ fn a_frame_column_puts_rows_in_order_and_leaves_gaps() {
     assert_eq!(read[0], ("load_N".to_owned(), vec![Some(10.0), Some(20.5), None, Some(40.0)]));
     assert_eq!(read[1], ("time_s".to_owned(), vec![Some(0.1), Some(0.2), None, None]));
     assert_eq!(columns("Frame,load_N\n1,10\n2,20.5\n", 2)[0].1, TWO);
+    // As programs for numbers write whole ones.
+    assert_eq!(columns("frame,load_N\n2.0,20.5\n1.0,10\n", 2)[0].1, TWO);
 }
 
 #[test]
@@ -96,12 +98,11 @@ fn wrong_rows_are_named_by_their_line() {
         let wrong = error(&format!("time_s,load_N\n1,2\n1,{cell}\n"), 2, &["line 3", "column 'load_N'", cell]);
         assert!(matches!(wrong, LoadError::Number { line: 3, .. }));
     }
-    assert!(matches!(error("t_s;l_N\n1;1.000,5\n", 1, &["1.000,5"]), LoadError::Number { .. }));
 }
 
 #[test]
 fn wrong_frames_are_named_by_their_line() {
-    for frame in ["4", "-1", "1.0", "x", ""] {
+    for frame in ["4", "-1", "1.5", "x", ""] {
         let wrong =
             error(&format!("frame,load_N\n1,2\n{frame},3\n"), 3, &["line 3", "not among the 3 deformed images"]);
         assert!(matches!(wrong, LoadError::Frame { line: 3, n_frames: 3, .. }), "{frame}");
@@ -140,13 +141,103 @@ fn files_that_are_not_there_or_no_text_are_named() {
         error
     };
     assert!(matches!(said(read_load(&path, 1).unwrap_err()), LoadError::NotFound { .. }));
-    std::fs::write(&path, b"load_N\n1\n# \xe4\n").unwrap();
+    std::fs::write(&path, b"load_N\n1\n# \0\xe4\n").unwrap();
     assert!(matches!(said(read_load(&path, 1).unwrap_err()), LoadError::NotText { line: 3, .. }));
     std::fs::write(&path, "load_N\n1\n").unwrap();
     assert_eq!(read_load(&path, 1).unwrap().columns.len(), 1);
     std::fs::create_dir(folder.path().join("folder_load.csv")).unwrap();
     let wrong = read_load(&folder.path().join("folder_load.csv"), 1).unwrap_err();
     assert!(matches!(said(wrong), LoadError::Io { .. }));
+}
+
+/// The values of the last column, and what is said of the file.
+#[track_caller]
+fn last(text: &str, n_frames: usize) -> (Vec<f64>, String) {
+    let mut table = parse(text, n_frames).unwrap_or_else(|error| panic!("{text:?}: {error}"));
+    let values = table.columns.pop().unwrap().values.into_iter().map(Option::unwrap).collect();
+    (values, table.remarks.iter().map(|remark| remark.text.as_str()).collect::<Vec<_>>().join("; "))
+}
+
+#[test]
+fn a_mark_between_thousands_is_told_from_a_decimal_mark_by_the_numbers_of_its_column_or_of_the_file() {
+    for (text, wanted) in [
+        // Decimal commas in another column, or in the same.
+        ("Zeit [s];Kraft [N]\n1,0;1.250\n2,0;2.500\n", [1250.0, 2500.0]),
+        ("Zeit [s];Kraft [N]\n1;1.250\n2;2.500,5\n", [1250.0, 2500.5]),
+        ("Zeit [s];Kraft [N]\n1;1.250\n2;1.002.500\n", [1250.0, 1_002_500.0]),
+        // Decimal points.
+        ("t_s\tload_N\n0.5\t1,250\n1.0\t2,500\n", [1250.0, 2500.0]),
+        ("t_s,load_N\n0.5,\"1,250\"\n1.0,\"2,500\"\n", [1250.0, 2500.0]),
+        ("t_s,load_N\n0.5,\"1,250.5\"\n1,\"2,500\"\n", [1250.5, 2500.0]),
+    ] {
+        let (values, said) = last(text, 2);
+        assert_eq!(values, wanted, "{text:?}");
+        assert!(said.contains("a mark between thousands") || !text.contains("1.250\n"), "{text:?}: {said}");
+    }
+    for (text, wanted) in [
+        ("t_s;load_N\n0.500;1.250\n1;0.750\n", [1.25, 0.75]),
+        ("t_s;load_N\n1;1.250\n2;1000.500\n", [1.25, 1000.5]),
+        ("t_s,load_N\n1,1.250\n2,2.500\n", [1.25, 2.5]),
+        ("t_s;load_N\n1,500;1,250\n2,5;2,500\n", [1.25, 2.5]),
+        // Each column by its own numbers.
+        ("t_s;load_N\n0.5;12,5\n1.5;1,250\n", [12.5, 1.25]),
+    ] {
+        assert_eq!(last(text, 2), (wanted.to_vec(), String::new()), "{text:?}");
+    }
+    for text in [
+        "load_N;way_mm\n1.250;1\n",
+        "load_N\tway_mm\n1,250\t1\n",
+        "load_N,way_mm\n\"1,250\",1\n",
+        "load_N;way_mm\n1,5;1\n1.25;1\n",
+    ] {
+        let wrong = error(text, text.lines().count() - 1, &["column 'load_N'", "decimal = \"point\" or \"comma\""]);
+        assert!(matches!(wrong, LoadError::Ambiguous { line: 2, .. }), "{wrong}");
+    }
+}
+
+#[test]
+fn lines_before_the_header_are_passed_over_and_said() {
+    for text in [
+        "Test 4.1\nUser;NN\nProbe;A1\n\nTime [s];Load [N]\n0,5;10\n1;20,5\n",
+        "sep=;\nTime;Load\ns;N\n0,5;10\n1;20,5\n",
+        "\"Test\",\"a\"\n\"User\",\"b\"\n\"Time\",\"Load\"\n\"s\",\"N\"\n\"0.5\",\"10\"\n\"1\",\"20.5\"\n",
+        "Machine 3\nRate\t1\nTime\tLoad\n(s)\t(N)\n0,5\t10\n1\t20,5\n",
+    ] {
+        let (values, said) = last(text, 2);
+        assert_eq!(
+            (values, parse(text, 2).unwrap().columns[1].name.as_str()),
+            (vec![10.0, 20.5], "Load_N"),
+            "{text:?}"
+        );
+        assert_eq!(said.contains("before the header"), !text.starts_with("sep"), "{text:?}: {said}");
+    }
+    // The line of a fault is that of the file.
+    error("Test\nUser;NN\nTime [s];Load [N]\n0;1\n1;x\n", 2, &["line 5", "'x'"]);
+    error("sep=;\nTime [s];Load [N]\n0;1\n1;x\n", 2, &["line 4", "'x'"]);
+}
+
+#[test]
+fn files_in_other_encodings_are_read_and_it_is_said() {
+    let text = "Zeit [s];Weg [\u{b5}m]\n1;120\n";
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("load.csv");
+    let utf16 = |order: fn(u16) -> [u8; 2]| text.encode_utf16().flat_map(order).collect::<Vec<u8>>();
+    let with = |mark: &[u8], rest: Vec<u8>| [mark, &rest].concat();
+    for (bytes, name) in [
+        (text.chars().map(|c| c as u8).collect(), "Windows-1252"),
+        (with(&[0xff, 0xfe], utf16(u16::to_le_bytes)), "UTF-16"),
+        (with(&[0xfe, 0xff], utf16(u16::to_be_bytes)), "UTF-16"),
+        (utf16(u16::to_le_bytes), "UTF-16"),
+        (text.as_bytes().to_vec(), ""),
+    ] {
+        std::fs::write(&path, bytes).unwrap();
+        let table = read_load(&path, 1).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!((table.columns[1].name.as_str(), table.columns[1].at(1)), ("Weg_mm", Some(0.12)), "{name}");
+        assert_eq!(table.remarks.iter().any(|remark| remark.text.contains("is read as")), !name.is_empty());
+        assert!(table.remarks.iter().any(|remark| remark.text.contains(name)), "{name}");
+    }
+    std::fs::write(&path, [0xff, 0xfe, b'a']).unwrap();
+    assert!(matches!(read_load(&path, 1), Err(LoadError::NotText { line: 1, .. })));
 }
 
 #[test]
@@ -219,6 +310,14 @@ fn clock_times_count_from_the_first_row_or_join_two_clocks() {
     assert_eq!(record(text, "clock", &times).unwrap().columns[1].values, [Some(10.0), Some(95.0)]);
     let wrong = record("t_s,load_N\n0,0\n9,9\n", "t", &times).unwrap_err();
     assert!(matches!(wrong, LoadError::Clocks { .. }), "{wrong}");
+    // Past noon and midnight, with the distance to UTC on one of the two clocks.
+    let text = "Clock;Load [N]\n11:59:50 PM;0\n12:00:10 AM;200\n";
+    let table = record(text, "clock", &FrameTimes::every(5.0, 0.0, 3)).unwrap();
+    assert_eq!(table.columns[1].values, [Some(50.0), Some(100.0), Some(150.0)]);
+    std::fs::write(&camera, "timestamp\n2024-05-07T10:00:05+02:00\n").unwrap();
+    let times = read_frame_times(&camera, 1).unwrap();
+    let text = "Clock;Load [N]\n2024-05-07 08:00:00Z;0\n2024-05-07 08:00:10.000000Z;100\n";
+    assert_eq!(record(text, "clock", &times).unwrap().columns[1].values, [Some(50.0)]);
 }
 
 #[test]

@@ -63,9 +63,10 @@ pub const TURN: [f64; 2] = [1.0, -1.0];
 pub struct PixelSize(f64);
 
 impl PixelSize {
-    /// `mm_per_px` must be positive and finite; otherwise `None`.
+    /// `mm_per_px` must be a length that images can have, from 1e-12 to 1e12 mm (squares of others leave the range of
+    /// numbers); otherwise `None`.
     pub const fn new(mm_per_px: f64) -> Option<Self> {
-        if mm_per_px.is_finite() && mm_per_px > 0.0 { Some(Self(mm_per_px)) } else { None }
+        if mm_per_px >= 1e-12 && mm_per_px <= 1e12 { Some(Self(mm_per_px)) } else { None }
     }
 
     /// Millimetres per pixel.

@@ -35,7 +35,7 @@ pub use joint::{
 pub use law::{CaseCohesive, CaseExact, CaseMaterial, CaseSubstrate, EXACT, Kinematics, PlaneState, Quadrature, STD};
 pub use quantities::{
     CaseCrack, CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
-    CrackFlags,
+    CrackFlags, Decimal,
 };
 pub use reader::Reader;
 pub use schema::{CaseLaws, LawKey, LawKeys, case_reference, case_schema, schema_of};

@@ -1,20 +1,25 @@
 //! Image files: read in their native depth, written as TIFF or PNG.
 
+mod foreign;
 pub(super) mod raw;
+pub(super) mod upright;
 mod write;
 
+pub use foreign::Foreign;
 pub use raw::Accepted;
 pub use write::{WriteError, png_bytes, write_image};
 
 use super::tiff as tiff_pages;
 pub use crate::digest::sha256_hex as sha256;
 use crate::imaging::{Image, ImageError, Pixels};
+use crate::text::read_regular;
 use image::codecs::pnm::{PnmDecoder, PnmSubtype};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use raw::{Channels, ImageFault, Raw, check_size};
 use std::io::{self, Cursor, ErrorKind};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
+use upright::Orientation;
 
 /// An image and what is worth knowing about its file.
 #[derive(Debug, Clone)]
@@ -60,6 +65,9 @@ pub enum ReadError {
         /// The first bytes.
         begins: String,
     },
+    /// The content is something else that is known: what it is, and what makes images of it.
+    #[error("{}: this is {}, not an image; {}", .0.display(), .1, .2)]
+    Foreign(PathBuf, &'static str, String),
     /// The file, of this format, ends before the image does: what is missing.
     #[error("{}: the {} file is cut off: {}; copy it again from where it was recorded", .0.display(), .1, .2)]
     Truncated(PathBuf, &'static str, String),
@@ -142,6 +150,13 @@ pub enum ReadError {
     },
 }
 
+impl ReadError {
+    /// That the file `path` is something else that is known; `None` of what may be an image.
+    pub fn of_foreign(path: &Path) -> Option<Self> {
+        Foreign::at(path).map(|foreign| Self::Foreign(path.to_owned(), foreign.what, foreign.remedy(path)))
+    }
+}
+
 /// What helps an image of more than `max_mpx` million pixels.
 fn larger(max_mpx: u32) -> String {
     if max_mpx < Accepted::MOST_MPX {
@@ -155,7 +170,8 @@ fn larger(max_mpx: u32) -> String {
 ///
 /// The content decides the format, not the name: TIFF, PNG, BMP, JPEG, PGM/PPM. Grey levels keep their depth; colours
 /// become luminance (Rec. 709) as 32-bit floats in the scale of the file, unless all channels are equal; alpha is
-/// ignored. Palettes are applied, the orientation in EXIF data is not: pixel coordinates are those of the sensor.
+/// ignored. Palettes are applied, and so is the orientation in EXIF data or a TIFF page: coordinates are those of the
+/// picture as viewers show it.
 ///
 /// # Errors
 /// See [`ReadError`]: each names the file, what is wrong and what to do.
@@ -189,7 +205,7 @@ impl PagedFile {
     /// # Errors
     /// A file that cannot be read, is empty, or holds no image of a known format.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        let bytes = std::fs::read(path).map_err(|reason| unreadable(path, reason))?;
+        let bytes = read_regular(path).map_err(|reason| unreadable(path, reason))?;
         Self::of(path.to_owned(), bytes)
     }
 
@@ -225,7 +241,9 @@ impl PagedFile {
         let (mut raw, pages) =
             self.decode(page, accepted).map_err(|problem| named(problem, &self.path, self.format.name(), page))?;
         let pixels = raw.channels.grey(raw.pixels, &mut raw.notes);
-        let image = Image::new(raw.width, raw.height, pixels)
+        let ([width, height], pixels) = raw.orientation.upright([raw.width, raw.height], pixels);
+        raw.notes.extend(raw.orientation.note());
+        let image = Image::new(width, height, pixels)
             .map_err(|reason| ReadError::GreyLevels { path: self.path.clone(), reason })?;
         let sha256 = self.sha256.get_or_insert_with(|| sha256(&self.bytes)).clone();
         Ok(Loaded { image, notes: raw.notes, sha256, pages, white: raw.white, taken: raw.taken })
@@ -259,15 +277,18 @@ impl PagedFile {
     }
 }
 
-/// Pages of `path` that are images of their own, or the first where that is unknown: reading shows what is wrong.
-pub fn pages_of(path: &Path) -> Vec<usize> {
+/// Pages of `path` that are images of their own; the first of what is no TIFF file or cannot be opened.
+///
+/// # Errors
+/// A TIFF file that cannot be read, or whose list of pages is damaged: how many frames it is nobody knows.
+pub fn pages_of(path: &Path) -> Result<Vec<usize>, ReadError> {
     let mut head = [0; 4];
-    let tiff = std::fs::File::open(path).is_ok_and(|mut file| {
-        use std::io::Read;
-        file.read_exact(&mut head).is_ok() && tiff_pages::is_tiff(&head)
-    });
-    let pages = if tiff { PagedFile::open(path).and_then(|mut file| file.images()).ok() } else { None };
-    pages.filter(|pages| !pages.is_empty()).unwrap_or_else(|| vec![0])
+    let tiff = path.is_file()
+        && std::fs::File::open(path).is_ok_and(|mut file| {
+            use std::io::Read;
+            file.read_exact(&mut head).is_ok() && tiff_pages::is_tiff(&head)
+        });
+    if tiff { PagedFile::open(path)?.images() } else { Ok(vec![0]) }
 }
 
 fn unreadable(path: &Path, reason: io::Error) -> ReadError {
@@ -306,6 +327,9 @@ impl Format {
     fn of(bytes: &[u8], path: &Path) -> Result<Self, ReadError> {
         if tiff_pages::is_tiff(bytes) {
             return Ok(Format::Tiff);
+        }
+        if let Some(foreign) = Foreign::of(path, bytes) {
+            return Err(ReadError::Foreign(path.to_owned(), foreign.what, foreign.remedy(path)));
         }
         match image::guess_format(bytes) {
             Ok(format) if Format::Other(format).is_read() => Ok(Format::Other(format)),
@@ -372,9 +396,13 @@ fn decode(bytes: &[u8], format: ImageFormat, accepted: Accepted) -> Result<Raw, 
         // Deflate shrinks 1032 times; a palette turns one bit into 24.
         _ => 32768,
     };
-    check_size(accepted, width.into(), height.into(), decoder.total_bytes().into(), ratio, bytes.len())?;
-
-    let taken = decoder.exif_metadata().ok().flatten().and_then(|exif| tiff_pages::taken_of_exif(&exif));
+    let exif = decoder.exif_metadata().ok().flatten();
+    let orientation = exif.as_deref().and_then(image::metadata::Orientation::from_exif_chunk);
+    let orientation = Orientation::of(orientation.map_or(1, |orientation| orientation.to_exif().into()));
+    let accepted = accepted.stored(orientation);
+    check_size(accepted, width.into(), height.into(), decoder.total_bytes().into(), ratio, bytes.len())
+        .map_err(|fault| fault.upright(orientation))?;
+    let taken = exif.and_then(|exif| tiff_pages::taken_of_exif(&exif));
     let mut notes = Vec::new();
     let image = DynamicImage::from_decoder(decoder).map_err(problem)?;
     let (n, colour, mut pixels) = match image {
@@ -399,7 +427,7 @@ fn decode(bytes: &[u8], format: ImageFormat, accepted: Accepted) -> Result<Raw, 
         notes.push(format!("{bits} bit grey levels are stretched to 0..255"));
     }
     let channels = Channels { n, colour, planar: false };
-    Ok(Raw { width: width as usize, height: height as usize, channels, pixels, white, notes, taken })
+    Ok(Raw { width: width as usize, height: height as usize, channels, pixels, white, notes, taken, orientation })
 }
 
 fn problem(error: image::ImageError) -> ImageFault {

@@ -1,20 +1,24 @@
 //! Load files: what other instruments recorded, a row for each image, or with a column of times at a rate of its own.
 
 mod asked;
+mod clock;
+mod decimals;
 mod error;
 mod raw;
 mod remarks;
+mod source;
 mod times;
 mod units;
 
 pub use asked::read_as_asked;
 pub use error::LoadError;
 pub use times::{FrameTimes, parse_frame_times};
+pub(crate) use units::unit_of;
 
 use crate::remark::Remark;
-use crate::text::{self, read_file};
 use error::STRESS;
 use raw::{RawTable, Wanted};
+use source::Source;
 use std::path::Path;
 
 /// A quantity recorded beside the images, such as time or force.
@@ -112,18 +116,12 @@ impl LoadTable {
     }
 }
 
-fn text_of(path: &Path) -> Result<String, LoadError> {
-    let bytes = read_file(path, LoadError::NotFound, LoadError::Io)?;
-    let text = text::text_of(&bytes).map_err(|line| LoadError::NotText { path: path.to_owned(), line })?;
-    Ok(text.to_owned())
-}
-
 /// Reads the load file `path` for a series of `n_frames` deformed images. See [`parse_load`].
 ///
 /// # Errors
 /// A file that cannot be read, and those of [`parse_load`].
 pub fn read_load(path: &Path, n_frames: usize) -> Result<LoadTable, LoadError> {
-    parse_load(&text_of(path)?, path, n_frames)
+    load_of(&Source::read(path, None)?, path, n_frames)
 }
 
 /// Reads the record `path`, whose column `time` says when its rows were taken, at the `times` of the frames. See
@@ -132,7 +130,7 @@ pub fn read_load(path: &Path, n_frames: usize) -> Result<LoadTable, LoadError> {
 /// # Errors
 /// A file that cannot be read, and those of [`parse_record`].
 pub fn read_record(path: &Path, time: &str, times: &FrameTimes) -> Result<LoadTable, LoadError> {
-    parse_record(&text_of(path)?, path, time, times)
+    record_of(&Source::read(path, None)?, path, time, times)
 }
 
 /// Reads the times of `n_frames` deformed images from the file `path`: a row per image as a load file has it; taken is
@@ -141,15 +139,16 @@ pub fn read_record(path: &Path, time: &str, times: &FrameTimes) -> Result<LoadTa
 /// # Errors
 /// A file that cannot be read, without such a column, or with another number of rows.
 pub fn read_frame_times(path: &Path, n_frames: usize) -> Result<FrameTimes, LoadError> {
-    parse_frame_times(&text_of(path)?, path, n_frames)
+    times::frame_times_of(&Source::read(path, None)?, path, n_frames)
 }
 
 /// The load file with the content `text`; `path` stands in messages.
 ///
 /// A header with a unit at the end of each name (`load_N`, `load [N]` or `load (N)`; `_1` or `[-]` for none), or names
-/// and in the line below them their units; then one row per image. Columns are separated by `,`, `;` or tabs; where
-/// they are not separated by `,`, numbers may have a decimal comma. Lines that begin with `#` and empty lines are
-/// passed over; an empty cell is a value that is not known. Forces, lengths, times and stresses become N, mm, s and MPa
+/// and in the line below them their units; then one row per image. Lines before the header are passed over. Columns are
+/// separated by `,`, `;` or tabs. Which mark stands before decimals, and which between thousands, is seen from the
+/// numbers of a column, else from those of the file. Lines that begin with `#` and empty lines are passed over; an empty
+/// cell is a value that is not known. Forces, lengths, times and stresses become N, mm, s and MPa
 /// ([`LoadTable::remarks`] says from what). A column `frame` gives the number of the deformed image, from 1 (0, the
 /// reference, is passed over), in any order and with gaps; without it, rows are the deformed images in order, or all
 /// images with the reference first.
@@ -165,10 +164,15 @@ pub fn read_frame_times(path: &Path, n_frames: usize) -> Result<FrameTimes, Load
 /// ```
 ///
 /// # Errors
-/// No header or row, names without unit, rows of another length, cells that are no number, frames that do not exist
+/// No header or row, names without unit, rows of another length, cells that are no number or may be one of two
+/// (`1.250`), frames that do not exist
 /// or come twice, and another number of rows than images: each names the file and the line.
 pub fn parse_load(text: &str, path: &Path, n_frames: usize) -> Result<LoadTable, LoadError> {
-    let table = RawTable::parse(text, path, Wanted::All)?;
+    load_of(&Source::of(text), path, n_frames)
+}
+
+fn load_of(source: &Source, path: &Path, n_frames: usize) -> Result<LoadTable, LoadError> {
+    let table = RawTable::parse(source, path, Wanted::All)?;
     let frames = table.frames(n_frames)?;
     let values = table.values()?;
     let columns = table.columns.iter().enumerate().map(|(k, name)| {
@@ -203,5 +207,9 @@ pub fn parse_load(text: &str, path: &Path, n_frames: usize) -> Result<LoadTable,
 /// # Errors
 /// Those of [`parse_load`], no such column or unit, times that fall, and frames that all lie outside the record.
 pub fn parse_record(text: &str, path: &Path, time: &str, times: &FrameTimes) -> Result<LoadTable, LoadError> {
-    times::join(&RawTable::parse(text, path, Wanted::WithTime(time))?, time, times)
+    record_of(&Source::of(text), path, time, times)
+}
+
+fn record_of(source: &Source, path: &Path, time: &str, times: &FrameTimes) -> Result<LoadTable, LoadError> {
+    times::join(&RawTable::parse(source, path, Wanted::WithTime(time))?, time, times)
 }

@@ -5,6 +5,7 @@
 //! numbers of the nodes and the names of the groups, and both stop with a panic on some damaged files.)
 
 mod gmsh;
+mod sound;
 mod vtu;
 
 use crate::mesh::ZoneElements;
@@ -84,6 +85,48 @@ pub enum MeshFileError {
         element: u64,
         /// The node's number in the file.
         node: i64,
+    },
+    /// Two elements have the same nodes.
+    #[error(
+        "{}: elements {element} and {other} have the same nodes and would count twice; delete one of them",
+        path.display()
+    )]
+    Twice {
+        /// The file.
+        path: PathBuf,
+        /// One element's number in the file.
+        element: u64,
+        /// The other's.
+        other: u64,
+    },
+    /// Two elements of a zone lie over each other.
+    #[error(
+        "{}: elements {element} and {other} lie over each other, where pixels would count twice; mesh the surface once",
+        path.display()
+    )]
+    Overlap {
+        /// The file.
+        path: PathBuf,
+        /// One element's number in the file.
+        element: u64,
+        /// The other's.
+        other: u64,
+    },
+    /// A node lies within the side of an element that does not have it.
+    #[error(
+        "{}: node {node} of element {other} lies within a side of element {element}, which would gape there; let the \
+         elements share all nodes of their sides",
+        path.display()
+    )]
+    Hanging {
+        /// The file.
+        path: PathBuf,
+        /// The node's number in the file.
+        node: u64,
+        /// The element with the side.
+        element: u64,
+        /// The element with the node.
+        other: u64,
     },
     /// A coordinate is NaN or infinite.
     #[error("{}: node {node} is at ({x}, {y}) px: its position must be finite", path.display())]
@@ -185,6 +228,9 @@ enum MeshFileFault {
     Invalid { place: String, what: String },
     ElementKind { element: u64, kind: String },
     NodeMissing { element: u64, node: i64 },
+    Twice { element: u64, other: u64 },
+    Overlap { element: u64, other: u64 },
+    Hanging { node: u64, element: u64, other: u64 },
     NotFinite { node: u64, x: f64, y: f64 },
     NotFlat { node: u64, z: f64, other: u64, other_z: f64 },
     Empty { aside: String },
@@ -199,6 +245,9 @@ impl MeshFileFault {
             MeshFileFault::Invalid { place, what } => MeshFileError::Invalid(path, place, what),
             MeshFileFault::ElementKind { element, kind } => MeshFileError::ElementKind { path, element, kind },
             MeshFileFault::NodeMissing { element, node } => MeshFileError::NodeMissing { path, element, node },
+            MeshFileFault::Twice { element, other } => MeshFileError::Twice { path, element, other },
+            MeshFileFault::Overlap { element, other } => MeshFileError::Overlap { path, element, other },
+            MeshFileFault::Hanging { node, element, other } => MeshFileError::Hanging { path, node, element, other },
             MeshFileFault::NotFinite { node, x, y } => MeshFileError::NotFinite { path, node, x, y },
             MeshFileFault::NotFlat { node, z, other, other_z } => {
                 MeshFileError::NotFlat { path, node, z, other, other_z }
@@ -219,6 +268,8 @@ struct FileNode {
 /// A quadrilateral or a triangle as the file has it.
 #[derive(Debug, Clone, Copy)]
 struct FileElement {
+    /// Its number in the file.
+    number: u64,
     /// Places of its nodes in the list of nodes; the last two of a triangle are equal.
     nodes: [usize; 4],
     /// Number of its group.
@@ -259,6 +310,7 @@ impl Parsed {
         // Without any group all elements are one; with groups, elements of none are not meant.
         let grouped = self.elements.iter().any(|element| element.group.is_some());
         let mut zones: BTreeMap<i64, Builder> = BTreeMap::new();
+        let mut of_zones: BTreeMap<i64, Vec<&FileElement>> = BTreeMap::new();
         let mut n_ungrouped = 0;
         for element in &self.elements {
             let group = match element.group {
@@ -270,7 +322,9 @@ impl Parsed {
                 None => 0,
             };
             zones.entry(group).or_default().add(element, &self.nodes);
+            of_zones.entry(group).or_default().push(element);
         }
+        of_zones.values().try_for_each(|elements| sound::check(elements, &self.nodes))?;
         if n_ungrouped > 0 {
             notes.push(format!("elements in no group left aside: {n_ungrouped}"));
         }

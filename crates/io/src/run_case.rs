@@ -160,11 +160,11 @@ impl RunCase {
 
     /// `[force]` with files that are found from any folder; without a file it is that of `[load]`.
     fn force_from_anywhere(&self, mut force: CaseForce) -> CaseForce {
-        if let (None, Some(CaseLoad { file, time, frame_interval_s, frame_times, start_s, area_mm2: _ })) =
+        if let (None, Some(CaseLoad { file, time, frame_interval_s, frame_times, start_s, decimal, area_mm2: _ })) =
             (&force.file, self.correlation.load.clone())
         {
             let file = Some(file);
-            force = CaseForce { file, time, frame_interval_s, frame_times, start_s, ..force };
+            force = CaseForce { file, time, frame_interval_s, frame_times, start_s, decimal, ..force };
         }
         let found = |file: String| {
             let path = self.correlation.base.join(&file);

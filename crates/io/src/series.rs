@@ -1,5 +1,11 @@
 //! File names, globs and pages, expanded to a series of images.
 
+mod cameras;
+mod names;
+
+pub use cameras::{TwoCameras, two_cameras};
+pub use names::NameOrder;
+
 use super::images::{Accepted, Loaded, PagedFile, ReadError, read_accepted};
 use std::cmp::Ordering;
 use std::collections::HashSet;
@@ -14,8 +20,8 @@ pub enum SeriesError {
     /// A glob matches no file in the folder that it is relative to.
     #[error("`{}` matches no file{}; check the pattern and the folder", .0, place(.0, .1))]
     NoMatch(String, PathBuf),
-    /// An entry is a folder; it has no slash at its end here.
-    #[error("`{0}` is a folder; name the files in it, for example `{0}/*.tif`")]
+    /// An entry is a folder without images; it has no slash at its end here.
+    #[error("`{0}` is a folder without images in it; name the files, for example `{0}/*.tif`")]
     Directory(String),
     /// A glob that cannot be understood.
     #[error("`{0}` is not a valid pattern: {1}")]
@@ -41,9 +47,10 @@ fn place(pattern: &str, folder: &Path) -> String {
 /// The files that `patterns` name, in order.
 ///
 /// An entry is a file name or a glob (`*`, `?`, `[..]`, `**`), relative to `base` unless absolute. A name that exists
-/// is taken literally, also with spaces or brackets in it. The files of one glob are in natural order (`img_2` before
-/// `img_10`), the entries in the order given; a file named twice is kept once, at its first place. A plain name that
-/// does not exist is kept: what it means is for the reader of the series to say. Globs do not match hidden files.
+/// is taken literally, also with spaces or brackets in it. The files of one glob are in the order of the numbers in their
+/// names ([`NameOrder`]: `img_2` before `img_10`), the entries in the order given; a file named twice is kept once, at its first place. A plain name that
+/// does not exist is kept: what it means is for the reader of the series to say. A folder stands for the images in it,
+/// by the endings of their names. Globs do not match hidden files.
 ///
 /// ```
 /// # use quadrille_io as quadrille;
@@ -53,16 +60,45 @@ fn place(pattern: &str, folder: &Path) -> String {
 /// ```
 ///
 /// # Errors
-/// A glob without a match or not valid, a folder that cannot be listed, an entry that is a folder.
+/// A glob without a match or not valid, a folder that cannot be listed or holds no image.
 pub fn expand_series(patterns: &[String], base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
     // In order with the globs before and behind: the first fault is the one that is told.
     expand(patterns, base, |entry, literal| {
-        if literal.is_dir() {
-            let entry = if entry.is_empty() { "." } else { entry.trim_end_matches(std::path::is_separator) }.to_owned();
-            return Err(SeriesError::Directory(entry));
+        if !literal.is_dir() {
+            return Ok(vec![literal]);
         }
-        Ok(())
+        let entry = if entry.is_empty() { "." } else { entry.trim_end_matches(std::path::is_separator) }.to_owned();
+        let found = images_in(&literal);
+        if found.is_empty() { Err(SeriesError::Directory(entry)) } else { Ok(found) }
     })
+}
+
+/// The files in `folder` whose names end as those of images, in the order of a series; hidden ones are not meant.
+fn images_in(folder: &Path) -> Vec<PathBuf> {
+    let is_meant = |path: &PathBuf| {
+        let is_hidden = path.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.'));
+        !is_hidden && path.is_file() && has_image_ending(path)
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut files: Vec<PathBuf> = entries.filter(is_meant).collect();
+    names::sort(&mut files);
+    files
+}
+
+/// Endings of the names of images.
+const ENDINGS: [&str; 10] = ["tif", "tiff", "btf", "png", "bmp", "jpg", "jpeg", "pgm", "ppm", "pnm"];
+
+/// Whether the name ends as that of an image.
+pub(crate) fn has_image_ending(path: &Path) -> bool {
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    ending.is_some_and(|ending| ENDINGS.iter().any(|known| known.eq_ignore_ascii_case(ending)))
+}
+
+/// The files that globs would take if capital letters were small ones, such as `b.PNG` beside `*.png`.
+pub fn but_for_capitals(patterns: &[String], base: &Path) -> Vec<PathBuf> {
+    let globs = patterns.iter().filter(|entry| entry.contains(['*', '?', '[']) && !base.join(entry).exists());
+    let both = globs.map(|entry| [false, true].map(|sensitive| matches(entry, base, sensitive).unwrap_or_default()));
+    both.flat_map(|[any, exact]| any.into_iter().filter(move |file| !exact.contains(file))).collect()
 }
 
 /// The files that `patterns` name as reference images, in order: as [`expand_series`], but a folder is kept, so
@@ -71,24 +107,20 @@ pub fn expand_series(patterns: &[String], base: &Path) -> Result<Vec<PathBuf>, S
 /// # Errors
 /// A glob without a match or not valid, a folder on its way that cannot be listed.
 pub fn expand_references(patterns: &[String], base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
-    expand(patterns, base, |_, _| Ok(()))
+    expand(patterns, base, |_, literal| Ok(vec![literal]))
 }
 
-/// The files that `patterns` name, in order, each once; `check` may refuse an entry with its path.
+/// The files that `patterns` name, in order, each once; `named` gives those of an entry that is no glob, by its path.
 fn expand(
     patterns: &[String],
     base: &Path,
-    check: impl Fn(&str, &Path) -> Result<(), SeriesError>,
+    named: impl Fn(&str, PathBuf) -> Result<Vec<PathBuf>, SeriesError>,
 ) -> Result<Vec<PathBuf>, SeriesError> {
     let mut files = Vec::new();
     for entry in patterns {
         let literal = base.join(entry);
-        check(entry, &literal)?;
-        if literal.exists() || !entry.contains(['*', '?', '[']) {
-            files.push(literal);
-        } else {
-            files.extend(matches(entry, base)?);
-        }
+        let is_name = literal.exists() || !entry.contains(['*', '?', '[']);
+        files.extend(if is_name { named(entry, literal)? } else { matches(entry, base, true)? });
     }
     if let Some(path) = files.iter().find(|path| path.to_str().is_none()) {
         return Err(SeriesError::Name(path.clone()));
@@ -143,25 +175,27 @@ impl Frame {
         }
     }
 
-    /// Every page of the files, in order; `pages` gives those of a file.
+    /// Every page of the files, in order; `pages` gives those of a file, or why they are not known.
     ///
     /// ```
     /// # use quadrille_io as quadrille;
     /// use quadrille::io::series::Frame;
-    /// let frames = Frame::pages(&["a.tif".into(), "b.tif".into()], |file| match file.ends_with("a.tif") {
-    ///     true => vec![0, 2],
-    ///     false => vec![0],
-    /// });
+    /// let pages = |file: &std::path::Path| Ok::<_, ()>(if file.ends_with("a.tif") { vec![0, 2] } else { vec![0] });
+    /// let frames = Frame::pages(&["a.tif".into(), "b.tif".into()], pages).unwrap();
     /// let names: Vec<_> = frames.iter().map(ToString::to_string).collect();
     /// assert_eq!(names, ["a.tif[0]", "a.tif[2]", "b.tif"]);
     /// ```
-    pub fn pages(files: &[PathBuf], pages: impl Fn(&Path) -> Vec<usize>) -> Vec<Self> {
-        let frames_of = |path: &PathBuf| {
-            let pages = pages(path);
+    ///
+    /// # Errors
+    /// That of `pages`.
+    pub fn pages<E>(files: &[PathBuf], pages: impl Fn(&Path) -> Result<Vec<usize>, E>) -> Result<Vec<Self>, E> {
+        let mut frames = Vec::new();
+        for path in files {
+            let pages = pages(path)?;
             let is_page = pages.len() > 1;
-            pages.into_iter().map(move |page| Self { path: path.clone(), page, is_page }).collect::<Vec<_>>()
-        };
-        files.iter().flat_map(frames_of).collect()
+            frames.extend(pages.into_iter().map(|page| Self { path: path.clone(), page, is_page }));
+        }
+        Ok(frames)
     }
 }
 
@@ -173,7 +207,7 @@ impl fmt::Display for Frame {
     }
 }
 
-fn matches(entry: &str, base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
+fn matches(entry: &str, base: &Path, case_sensitive: bool) -> Result<Vec<PathBuf>, SeriesError> {
     // The folder is not part of the pattern: brackets in its name are brackets.
     let pattern = if Path::new(entry).is_absolute() || base.as_os_str().is_empty() {
         entry.to_owned()
@@ -182,11 +216,8 @@ fn matches(entry: &str, base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
         format!("{}{}{entry}", folder.trim_end_matches(std::path::is_separator), std::path::MAIN_SEPARATOR)
     };
     // That a leading dot is literal is seen to below: the crate's own way panics at a name that is no UTF-8.
-    let options = glob::MatchOptions {
-        case_sensitive: true,
-        require_literal_separator: true,
-        require_literal_leading_dot: false,
-    };
+    let options =
+        glob::MatchOptions { case_sensitive, require_literal_separator: true, require_literal_leading_dot: false };
     let found = glob::glob_with(&pattern, options).map_err(|reason| SeriesError::Pattern(entry.to_owned(), reason))?;
     let mut files = Vec::new();
     for file in found {
@@ -201,7 +232,7 @@ fn matches(entry: &str, base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
     if files.is_empty() {
         return Err(SeriesError::NoMatch(entry.to_owned(), base.to_owned()));
     }
-    files.sort_by(|a, b| natural_order(a, b));
+    names::sort(&mut files);
     Ok(files)
 }
 
@@ -231,7 +262,7 @@ fn not_text(found: &[PathBuf], pattern: &str) -> Option<PathBuf> {
     entries.map(|entry| entry.path()).find(|path| path.file_name().is_some_and(lost))
 }
 
-/// The order of a series: component by component, numbers by value with any leading zeros, ties by the plain order.
+/// The plain order of two names: folder by folder, whole numbers by value with any leading zeros, ties by the letters.
 pub fn natural_order(a: &Path, b: &Path) -> Ordering {
     let natural = |(a, b): (std::path::Component, std::path::Component)| {
         alphanumeric_sort::compare_str(a.as_os_str().to_string_lossy(), b.as_os_str().to_string_lossy())

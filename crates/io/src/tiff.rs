@@ -13,6 +13,7 @@ mod taken;
 pub(super) use taken::taken_of_exif;
 
 use super::images::raw::{Accepted, Channels, ImageFault, Raw, check_size};
+use super::images::upright::Orientation;
 use crate::imaging::Pixels;
 use samples::{apply_map, invert, native, split_bits, stretch};
 use std::collections::HashSet;
@@ -27,24 +28,43 @@ const BITS: u16 = 258;
 const COMPRESSION: u16 = 259;
 const PHOTOMETRIC: u16 = 262;
 const FILL_ORDER: u16 = 266;
+const DESCRIPTION: u16 = 270;
+const STRIPS: u16 = 273;
+const ORIENTATION: u16 = 274;
 const SAMPLES: u16 = 277;
+const STRIP_BYTES: u16 = 279;
 const PLANAR: u16 = 284;
 const PREDICTOR: u16 = 317;
 const COLOUR_MAP: u16 = 320;
 const TILE_WIDTH: u16 = 322;
 const TILE_HEIGHT: u16 = 323;
+const SUB_DIRECTORIES: u16 = 330;
 const SAMPLE_FORMAT: u16 = 339;
+
+/// The photometric interpretation of pixels that have one colour each.
+const COLOUR_FILTERS: u64 = 32803;
 
 /// Whether `bytes` begin as a TIFF or BigTIFF file does.
 pub(super) fn is_tiff(bytes: &[u8]) -> bool {
     [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| bytes.starts_with(*magic))
 }
 
+/// One image of a file.
+#[derive(Debug, Clone, Copy)]
+struct Page {
+    /// Its directory.
+    offset: usize,
+    /// Which of the images that the directory stands for, one behind the other.
+    image: usize,
+}
+
 /// Where the pages of a file are.
 #[derive(Debug, Clone)]
 pub(super) struct PageList {
     file: ByteLayout,
-    offsets: Vec<usize>,
+    pages: Vec<Page>,
+    /// Directory of the picture whose thumbnail is the first page, where it is elsewhere in the file.
+    picture: Option<usize>,
     /// Whether the list ends properly.
     complete: bool,
 }
@@ -53,42 +73,83 @@ impl PageList {
     pub(super) fn of(bytes: &[u8]) -> Result<Self, ImageFault> {
         let file = ByteLayout::of(bytes)?;
         let (offsets, complete) = file.pages(bytes)?;
-        Ok(Self { file, offsets, complete })
+        let of_one = |offset: usize| Page { offset, image: 0 };
+        let mut pages: Vec<Page> = offsets.iter().copied().map(of_one).collect();
+        if let [offset] = offsets.as_slice()
+            && let Ok(directory) = Directory::read(file, bytes, *offset)
+        {
+            let images = directory.stack(bytes)?;
+            pages = (0..images).map(|image| Page { offset: *offset, image }).collect();
+        }
+        let picture = picture_of(file, bytes, &offsets);
+        Ok(Self { file, pages, picture, complete })
     }
 
     pub(super) fn len(&self) -> usize {
-        self.offsets.len()
+        self.pages.len()
     }
 
-    /// The pages that are images of their own: no thumbnails and no masks of another page.
+    /// The pages that are images of their own: no thumbnails and no masks of another page. At least one.
     pub(super) fn images(&self, bytes: &[u8]) -> Vec<usize> {
-        let whole = |&(_, &offset): &(usize, &usize)| {
-            let directory = Directory::read(self.file, bytes, offset);
-            directory.map_or(0, |directory| directory.value(bytes, SUBFILE).unwrap_or(0)) & 0b101 == 0
+        let whole = |&(_, page): &(usize, &Page)| {
+            Directory::read(self.file, bytes, page.offset).map_or(true, |directory| directory.is_whole(bytes))
         };
-        self.offsets.iter().enumerate().filter(whole).map(|(page, _)| page).collect()
+        let whole: Vec<usize> = self.pages.iter().enumerate().filter(whole).map(|(page, _)| page).collect();
+        if whole.is_empty() { vec![0] } else { whole }
     }
 
     /// Decodes page `page` of the file `bytes`, which are edited and put right again.
     pub(super) fn decode(&self, bytes: &mut [u8], page: usize, accepted: Accepted) -> Result<Raw, ImageFault> {
         let pages = self.len();
-        let Some(&offset) = self.offsets.get(page) else {
+        let Some(&Page { offset: first, image }) = self.pages.get(page) else {
             return Err(ImageFault::NoSuchPage { pages });
         };
+        let picture = self.picture.filter(|_| page == 0);
+        let offset = picture.unwrap_or(first);
         let directory = Directory::read(self.file, bytes, offset)?;
+        let head = Directory::read(self.file, bytes, first)?;
+        let taken = taken::read_time(&directory, bytes).or_else(|| taken::read_time(&head, bytes));
+        // What is turned is noted at the thumbnail too, or there alone.
+        let orientation = [&directory, &head].into_iter().find_map(|directory| directory.value(bytes, ORIENTATION));
+        let orientation = Orientation::of(orientation.unwrap_or(1));
         let entries = offset..directory.next.min(bytes.len());
         let kept = bytes.get(entries.clone()).unwrap_or_default().to_vec();
-        let taken = taken::read_time(&directory, bytes);
-        let decoded = directory.decode(bytes, accepted);
+        let decoded = directory.with_image(bytes, image, |bytes| directory.decode(bytes, accepted.stored(orientation)));
         if let Some(entries) = bytes.get_mut(entries) {
             entries.copy_from_slice(&kept);
         }
-        let mut raw = Raw { taken, ..decoded? };
+        let raw = decoded.map_err(|fault| fault.upright(orientation))?;
+        let mut raw = Raw { taken, orientation, ..raw };
+        if picture.is_some() {
+            let size = head.size(bytes).map_or(String::new(), |[width, height]| format!(" of {width} x {height} px"));
+            raw.notes.push(format!("the first page{size} is the thumbnail of the picture that is read"));
+        }
         if !self.complete {
             raw.notes.push(format!("the list of pages breaks off after page {}", pages - 1));
         }
         Ok(raw)
     }
+}
+
+/// The directory of the picture of which the first page is a thumbnail: the largest of those that belong to it (as in
+/// raw files of cameras), or of the other pages. `None` where the first page is the picture.
+fn picture_of(file: ByteLayout, bytes: &[u8], offsets: &[usize]) -> Option<usize> {
+    let (&first, others) = offsets.split_first()?;
+    let head = Directory::read(file, bytes, first).ok()?;
+    let pixels =
+        |directory: &Directory| directory.size(bytes).map_or(0, |[width, height]| width.saturating_mul(height));
+    let is_thumbnail = !head.is_whole(bytes);
+    let beyond = if is_thumbnail { 0 } else { pixels(&head) };
+    let largest = |offsets: &mut dyn Iterator<Item = usize>| {
+        let found = offsets.filter_map(|offset| Some((offset, Directory::read(file, bytes, offset).ok()?)));
+        let whole =
+            found.filter(|(_, directory)| directory.is_whole(bytes)).map(|(at, directory)| (at, pixels(&directory)));
+        // Of several of one size the first.
+        whole.filter(|(_, pixels)| *pixels > beyond).reduce(|best, next| if next.1 > best.1 { next } else { best })
+    };
+    let inner = largest(&mut head.numbers(bytes, SUB_DIRECTORIES).filter_map(|at| usize::try_from(at).ok()));
+    let found = inner.or_else(|| is_thumbnail.then(|| largest(&mut others.iter().copied())).flatten());
+    found.map(|(offset, _)| offset)
 }
 
 /// Byte order and offset size of a file.
@@ -195,8 +256,8 @@ impl Directory {
             let size = match file.number(bytes, place + 2, 2).ok_or_else(cut)? {
                 1 | 2 => 1, // bytes, text
                 3 => 2,
-                4 => 4,
-                16 => 8,
+                4 | 13 => 4, // 13 and 18: the place of a directory
+                16 | 18 => 8,
                 _ => continue, // fractions, signed numbers: nothing needed here
             };
             let count = file.number(bytes, place + 4, file.word()).ok_or_else(cut)?;
@@ -220,6 +281,84 @@ impl Directory {
     fn value(&self, bytes: &[u8], tag: u16) -> Option<u64> {
         let field = self.field(tag)?;
         self.file.number(bytes, field.at, field.size)
+    }
+
+    /// All numbers of `tag`.
+    fn numbers<'a>(&self, bytes: &'a [u8], tag: u16) -> impl Iterator<Item = u64> + use<'a> {
+        let (file, field) = (self.file, self.field(tag));
+        let number = move |field: Field, k: usize| {
+            file.number(bytes, field.at.checked_add(k.checked_mul(field.size)?)?, field.size)
+        };
+        field.into_iter().flat_map(move |field| (0..field.count).map_while(move |k| number(field, k)))
+    }
+
+    /// Columns and rows.
+    fn size(&self, bytes: &[u8]) -> Option<[u64; 2]> {
+        Some([self.value(bytes, WIDTH)?, self.value(bytes, HEIGHT)?])
+    }
+
+    /// Whether it is a picture of its own: no thumbnail and no mask.
+    fn is_whole(&self, bytes: &[u8]) -> bool {
+        self.value(bytes, SUBFILE).unwrap_or(0) & 0b101 == 0
+    }
+
+    /// How many images the directory stands for, one behind the other: programs write stacks with one directory and
+    /// their number in its description (ImageJ `images=N`; tifffile a shape that it calls truncated).
+    fn stack(&self, bytes: &[u8]) -> Result<usize, ImageFault> {
+        let description = self
+            .field(DESCRIPTION)
+            .and_then(|Field { at, size, count, .. }| bytes.get(at..at.checked_add(count.checked_mul(size)?)?));
+        let images = said_images(&String::from_utf8_lossy(description.unwrap_or_default())).unwrap_or(1);
+        if images <= 1 {
+            return Ok(1);
+        }
+        let is_plain = self.value(bytes, COMPRESSION).unwrap_or(1) == 1;
+        let Some(first) = self.image_bytes(bytes).filter(|_| is_plain) else {
+            let what = format!("a stack of {images} images under one directory that are packed or in pieces");
+            return Err(ImageFault::Unsupported(what));
+        };
+        let there = bytes.len().saturating_sub(first.start) / first.len().max(1);
+        if there < images {
+            return Err(ImageFault::Truncated(format!("it says that it holds {images} images, and holds {there}")));
+        }
+        Ok(images)
+    }
+
+    /// Where the first image lies, if that is in one piece.
+    fn image_bytes(&self, bytes: &[u8]) -> Option<std::ops::Range<usize>> {
+        let offsets: Vec<u64> = self.numbers(bytes, STRIPS).collect();
+        let lengths: Vec<u64> = self.numbers(bytes, STRIP_BYTES).collect();
+        let ends: Vec<u64> =
+            offsets.iter().zip(&lengths).map(|(offset, length)| offset.saturating_add(*length)).collect();
+        let is_one_piece = offsets.iter().skip(1).zip(&ends).all(|(next, end)| next == end);
+        let (first, last) = (*offsets.first()?, *ends.last()?);
+        let range = usize::try_from(first).ok()?..usize::try_from(last).ok()?;
+        (is_one_piece && offsets.len() == lengths.len() && !range.is_empty() && range.end <= bytes.len())
+            .then_some(range)
+    }
+
+    /// What `work` makes of the file with the image of number `image` in the place of the first.
+    fn with_image<T>(
+        &self,
+        bytes: &mut [u8],
+        image: usize,
+        work: impl FnOnce(&mut [u8]) -> Result<T, ImageFault>,
+    ) -> Result<T, ImageFault> {
+        if image == 0 {
+            return work(bytes);
+        }
+        let missing = || ImageFault::Truncated(format!("image {image} is missing"));
+        let first = self.image_bytes(bytes).ok_or_else(missing)?;
+        let from = image.checked_mul(first.len()).and_then(|skip| skip.checked_add(first.start));
+        let range = from.and_then(|from| Some(from..from.checked_add(first.len())?));
+        let range = range.filter(|range| range.end <= bytes.len()).ok_or_else(missing)?;
+        let kept = bytes.get(first.clone()).unwrap_or_default().to_vec();
+        bytes.copy_within(range, first.start);
+        let done = work(bytes);
+        if let Some(there) = bytes.get_mut(first) {
+            there.copy_from_slice(&kept);
+        }
+        done
     }
 
     /// The text of `tag`, up to its end.
@@ -252,6 +391,7 @@ impl Directory {
         let stored = self.storage(bytes, accepted)?;
         let Storage { width, height, bits, samples, photometric, .. } = stored;
         self.simplify(&stored, bytes)?;
+        let orientation = Orientation::UPRIGHT; // the caller knows
         let mut notes = Vec::new();
         let mut pixels = match unpack_strips(bytes, stored.unpacked)? {
             DecodingResult::U8(rows) if stored.packed() => split_bits(&rows, stored.columns, stored.rows, bits)?,
@@ -280,7 +420,7 @@ impl Directory {
             let index = channels.first(pixels);
             let map = self.colour_map(bytes)?;
             let (pixels, white) = apply_map(index, &map, bits, &mut notes)?;
-            return Ok(Raw { width, height, channels: Channels::GREY, pixels, white, notes, taken: None });
+            return Ok(Raw { width, height, channels: Channels::GREY, pixels, white, notes, taken: None, orientation });
         }
         if photometric == 6 {
             notes.push("Y Cb Cr colours: the grey levels are Y".into());
@@ -292,7 +432,7 @@ impl Directory {
             notes.push(format!("{bits} bit grey levels, kept as 16 bit numbers"));
         }
         let white = if bits > 8 && stored.packed() { ((1_u32 << bits) - 1) as f32 } else { pixels.white() };
-        Ok(Raw { width, height, channels, pixels, white, notes, taken: None })
+        Ok(Raw { width, height, channels, pixels, white, notes, taken: None, orientation })
     }
 
     /// How the page is stored; what cannot be read or cannot be meant is refused here.
@@ -306,6 +446,9 @@ impl Directory {
         let compression = self.value(bytes, COMPRESSION).unwrap_or(1);
 
         let unsupported = |what| Err(ImageFault::Unsupported(what));
+        if photometric == COLOUR_FILTERS {
+            return unsupported("the raw mosaic of a colour camera (Bayer), before it is developed,".into());
+        }
         // The largest factor by which each method can shrink data.
         let ratio = match compression {
             1 => 1,
@@ -451,11 +594,26 @@ impl Storage {
     }
 }
 
+/// The number of images in the description of a stack under one directory.
+fn said_images(description: &str) -> Option<usize> {
+    if description.starts_with("ImageJ=") {
+        return description.lines().find_map(|line| line.strip_prefix("images=")?.trim().parse().ok());
+    }
+    let about: serde_json::Value = serde_json::from_str(description.trim_end_matches('\0')).ok()?;
+    let is_truncated = about.get("truncated").and_then(serde_json::Value::as_bool) == Some(true);
+    let shape = about.get("shape").filter(|_| is_truncated)?.as_array()?;
+    // The last two are rows and columns.
+    let mut stacked = shape.iter().rev().skip(2).map(|n| usize::try_from(n.as_u64()?).ok());
+    stacked.try_fold(1_usize, |product, n| product.checked_mul(n?))
+}
+
 fn compression_name(code: u64) -> &'static str {
     match code {
         2..=4 => " (fax)",
         6 => " (old JPEG)",
+        32767 => " (raw file of a Sony camera)",
         34712 => " (JPEG 2000)",
+        34713 => " (raw file of a Nikon camera)",
         34887 => " (LERC)",
         34925 => " (LZMA)",
         50000 => " (Zstandard)",
@@ -472,7 +630,6 @@ fn photometric_name(code: u64) -> &'static str {
         5 => " (CMYK)",
         6 => " (Y Cb Cr without JPEG)",
         8..=10 => " (Lab)",
-        32803 => " (colour filter array of a raw image)",
         34892 => " (linear raw)",
         _ => "",
     }

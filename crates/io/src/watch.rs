@@ -1,7 +1,7 @@
 //! A folder that a camera writes into: which of its files are whole, and in what order they come.
 
 use super::images::{Accepted, Loaded, ReadError};
-use super::series::{Frame, natural_order};
+use super::series::{Frame, NameOrder, has_image_ending};
 use glob::{MatchOptions, Pattern, PatternError};
 use std::collections::{BTreeMap, HashSet};
 use std::ffi::{OsStr, OsString};
@@ -10,8 +10,6 @@ use std::time::{Duration, Instant, SystemTime};
 use std::{fs, io};
 use thiserror::Error;
 
-/// Endings of the names of images, where no pattern says which files are meant.
-const ENDINGS: [&str; 10] = ["tif", "tiff", "btf", "png", "bmp", "jpg", "jpeg", "pgm", "ppm", "pnm"];
 /// A file that has not changed for so many settling times and is no image is given up; later ones wait as long.
 const PATIENCE: u32 = 10;
 /// A file that has not been the same for once after so many times the settling time is given up as well.
@@ -173,7 +171,8 @@ impl WatchedFolder {
         }
         self.waiting = there;
         let mut names: Vec<_> = self.waiting.iter().map(|(name, seen)| (name.clone(), now - seen.since)).collect();
-        names.sort_by(|(a, _), (b, _)| natural_order(Path::new(a), Path::new(b)));
+        let order = NameOrder::of(&names.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>());
+        names.sort_by(|(a, _), (b, _)| order.compare(Path::new(a), Path::new(b)));
         let mut is_next = true;
         names.retain(|(_, same_for)| {
             is_next &= *same_for >= self.settle;
@@ -190,7 +189,8 @@ impl WatchedFolder {
     /// The files that have not settled, in natural order.
     pub fn unsettled(&self) -> Vec<PathBuf> {
         let mut files: Vec<_> = self.waiting.keys().map(|name| self.path.join(name)).collect();
-        files.sort_by(|a, b| natural_order(a, b));
+        let order = NameOrder::of(&files);
+        files.sort_by(|a, b| order.compare(a, b));
         files
     }
 
@@ -200,10 +200,7 @@ impl WatchedFolder {
         let options = MatchOptions { require_literal_leading_dot: true, ..MatchOptions::new() };
         match &self.pattern {
             Some(pattern) => pattern.matches_with(&text, options),
-            None => {
-                let ending = text.rsplit_once('.').filter(|(stem, _)| !stem.is_empty() && !stem.starts_with('.'));
-                ending.is_some_and(|(_, ending)| ENDINGS.iter().any(|known| known.eq_ignore_ascii_case(ending)))
-            }
+            None => !text.starts_with('.') && has_image_ending(Path::new(name)),
         }
     }
 }

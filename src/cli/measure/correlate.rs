@@ -6,7 +6,8 @@ use crate::cli::look::figures;
 use crate::cli::talk::{Paint, Progress, Talk};
 use crate::cli::{Outcome, Result, signals};
 use crate::io::case::read_case;
-use crate::run::{Existing, Plan, Request, RunError, RunFolder, Session, run_series, shell_word};
+use crate::io::text::shell_word;
+use crate::run::{Existing, Plan, Request, RunError, RunFolder, Session, run_series};
 
 pub(crate) fn run(args: &CorrelateArgs, paint: Paint) -> Result<Outcome> {
     let case = args.case.as_deref().map(read_case).transpose()?.unwrap_or_default();

@@ -4,11 +4,11 @@ use crate::cli::args::MetrologyArgs;
 use crate::cli::measure::gauges;
 use crate::cli::talk::wrapped;
 use crate::cli::{Outcome, Result, absolute, file_name, plural};
-use crate::imaging::Image;
+use crate::imaging::{Image, OddLevels};
 use crate::io::images::{Loaded, read_image};
 use crate::io::series::expand_series;
 use crate::mesh::Roi;
-use crate::metrology::{Metrology, Noise, Options, Origin, PhotonFit, SizeResult, Still, measure};
+use crate::metrology::{Metrology, MetrologyError, Noise, Options, Origin, PhotonFit, SizeResult, Still, measure};
 use crate::report::metrology::{larger, noise_facts, number};
 use crate::report::{Axis, Plot, PlotSeries, Style, metrology_page};
 use crate::run::{RunFolder, save_picture, strain_window};
@@ -64,7 +64,14 @@ pub(crate) fn run(args: &MetrologyArgs) -> Result<Outcome> {
         loaded.pixels().depth(),
         plural(stills.len(), "static image")
     );
-    let metrology = pool.install(|| measure(&loaded, &stills, &options))?;
+    let odd = OddLevels::of(&loaded).map(|odd| format!("{}: {odd}", args.reference.display()));
+    let metrology = match (pool.install(|| measure(&loaded, &stills, &options)), odd) {
+        (Err(MetrologyError::OnlyNoise(_)), Some(odd)) => return Err(odd.into()),
+        (measured, odd) => {
+            odd.iter().for_each(|odd| eprintln!("warning: {odd}"));
+            measured?
+        }
+    };
     let seconds = begin.elapsed().as_secs_f64();
     print(&metrology, &options, args.element_sizes.is_some());
     let record = Record {

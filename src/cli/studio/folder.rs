@@ -1,7 +1,7 @@
 //! The folder of a studio: its images, and nothing else.
 
 use crate::io::images::Accepted;
-use crate::io::series::{Frame, natural_order};
+use crate::io::series::{Frame, NameOrder};
 use crate::report::Backdrop;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -43,7 +43,8 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
     let shown =
         |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(|name| !name.starts_with('.'));
     let mut entries: Vec<PathBuf> = entries.filter(shown).collect();
-    entries.sort_by(|a, b| natural_order(a, b));
+    let order = NameOrder::of(&entries);
+    entries.sort_by(|a, b| order.compare(a, b));
     entries
 }
 

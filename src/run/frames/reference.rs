@@ -2,7 +2,7 @@
 
 use crate::correlate::CorrelationError;
 use crate::field::Noise;
-use crate::imaging::{Image, Mean, small_shift};
+use crate::imaging::{Image, Mean, OddLevels, small_shift};
 use crate::io::case::{CaseGuard, CaseZone};
 use crate::io::images::{Accepted, ReadError};
 use crate::io::series::Frame;
@@ -29,7 +29,7 @@ impl Reference {
     /// The reference of `plan`.
     pub fn of(plan: &Plan) -> Result<Self> {
         Self::read(&plan.reference, plan.accepted).map_err(|error| match error {
-            RunError::Image(fault @ ReadError::NotAnImage { .. }) if !plan.reference_named => {
+            RunError::Image(fault @ (ReadError::NotAnImage { .. } | ReadError::Foreign(..))) if !plan.reference_named => {
                 RunError::Reference(format!(
                     "{fault}. It comes first and is therefore taken for the reference: name the images alone, such as 'folder/*.tif', \
                      or say which is the reference with --reference"
@@ -105,11 +105,16 @@ pub(crate) fn element_size_px(mesh: &Mesh<Px>, asked: usize) -> f64 {
     if (size - asked).abs() < 1e-9 * asked { asked } else { size }
 }
 
-/// Why the reference cannot be prepared; its file is named when the fault may be in it.
-pub(crate) fn about_reference(plan: &Plan, error: &CorrelationError) -> RunError {
+/// Why the reference `image` cannot be prepared; its file is named when the fault may be in it.
+pub(crate) fn about_reference(plan: &Plan, image: &Image, error: &CorrelationError) -> RunError {
     use MeshError::{
         CrossedPolygon, ElementShare, ElementSize, GuardSides, NoPolygon, NotARectangle, NotFinite, Overlap, SameName,
     };
+    if let CorrelationError::NoTexture { .. } | CorrelationError::Textureless { .. } = error
+        && let Some(odd) = OddLevels::of(image)
+    {
+        return RunError::Reference(format!("{}: no texture is found: {odd}", plan.reference_name()));
+    }
     RunError::Reference(match error {
         CorrelationError::Option { .. }
         | CorrelationError::Backend(_)

@@ -140,7 +140,7 @@ fn find(plan: &mut Plan, there: Option<&Store>, reference: &Arc<Image>, zones: &
         };
         let guard = wanted.guard_px.unwrap_or(Crack::GUARD);
         let search = search_cracks(reference, &image, &zones, guard, &mut correlate)
-            .map_err(|error| about_reference(plan, &error))?;
+            .map_err(|error| about_reference(plan, reference, &error))?;
         if !search.cracks.is_empty() {
             plan.drawn.cracks.extend(name_cracks(&wanted, &search.cracks, plan.drawn.cracks.len()));
             let found = search.cracks.iter().map(|crack| about_found(crack, number)).collect();

@@ -65,7 +65,7 @@ pub fn check(plan: &Plan, pool: &ThreadPool) -> Result<Checked> {
     pool.install(|| crack_auto::cut(&mut plan, None, &image, &mut zones))?;
     let cpu = Device::new(&DeviceChoice::Cpu, plan.isa, plan.gpu.clone(), 0)?;
     let prepared = pool.install(|| prepare(&cpu, Arc::clone(&image), &zones, plan.options.clone()));
-    let correlator = prepared.map_err(|error| about_reference(&plan, &error))?;
+    let correlator = prepared.map_err(|error| about_reference(&plan, &image, &error))?;
     let reference = correlator.reference();
     let mesh = reference.mesh();
     let without_texture: Vec<usize> = reference.dropped().iter().map(|fault| fault.node).collect();

@@ -1,7 +1,7 @@
 //! The zones of a run that names none: where the specimen is in the reference.
 
 use crate::correlate::Reference;
-use crate::imaging::{Image, LeftOut, Pixels, Specimen, SpecimenPart};
+use crate::imaging::{Image, LeftOut, OddLevels, Pixels, Specimen, SpecimenPart};
 use crate::io::case::{CaseGuard, CaseZone};
 use crate::io::images::{png_bytes, sha256};
 use crate::mesh::{Guard, Mask, Mesh, MeshError, Roi, Zone};
@@ -57,9 +57,10 @@ impl Found {
                 |&size: &usize| Specimen::find(reference, size, margin).parts.iter().any(|part| holds_of(part, size));
             let mut sizes =
                 [2 * size, 4 * size, size / 2, size / 4].into_iter().filter(|size| (4..=128).contains(size));
-            let advice = match sizes.find(would_do) {
-                Some(other) => format!("with elements of {other} px one is: --element-size {other}"),
-                None => "check exposure and focus".to_owned(),
+            let advice = match (OddLevels::of(reference), sizes.find(would_do)) {
+                (Some(odd), _) => odd.to_string(),
+                (None, Some(other)) => format!("with elements of {other} px one is: --element-size {other}"),
+                (None, None) => "check exposure and focus".to_owned(),
             };
             return Err(RunError::Reference(format!(
                 "{}: no zone is named, and none is found: nowhere does the reference show texture over a few elements of \

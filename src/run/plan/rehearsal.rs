@@ -67,7 +67,7 @@ fn make_up(case: &RunCase, plan: &Plan, scale: PixelSize) -> Result<JointRun> {
     let (size, options) = ([image.width(), image.height()], &plan.options);
     let zones = Zones::on(&plan.zones, options.element_size, size)?.zones;
     let laid = PixelMesh::on_zones(&zones, options.mesh_size(), options.element_share, size)
-        .map_err(|error| about_reference(plan, &CorrelationError::Mesh(error)))?;
+        .map_err(|error| about_reference(plan, &image, &CorrelationError::Mesh(error)))?;
     let on_specimen = laid.mesh.to_mm(scale);
     let (elements, groups) = (on_specimen.elements().to_vec(), on_specimen.zones().to_vec());
     let n_nodes = on_specimen.nodes().len();

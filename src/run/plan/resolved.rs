@@ -10,11 +10,12 @@ use crate::io::case::{
     CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseReport, CaseZone, Pages, ZoneFlags, complete,
     over,
 };
-use crate::io::images::{Accepted, pages_of};
-use crate::io::series::{Frame, expand_references, expand_series};
+use crate::io::images::{Accepted, ReadError, pages_of};
+use crate::io::series::{Frame, but_for_capitals, expand_references, expand_series};
 use crate::io::store::StoreHeader;
 use crate::isa::Isa;
 use crate::mesh::Mesh;
+use crate::remark::Remark;
 use crate::run::plan::wanted::{resolved_zones, wanted_cracks, wanted_zones};
 use crate::run::plan::{Export, Request, which_reference};
 use crate::run::words::{Result, absolute};
@@ -77,8 +78,8 @@ pub struct Plan {
     pub setup: CaseReport,
     /// What is drawn from the fields when the series is done.
     pub drawn: CaseQuantities,
-    /// Files that were named and are no images: they are left out, which is said.
-    pub left_out: Vec<PathBuf>,
+    /// What there is to say of the names of its files.
+    pub said: Vec<Remark>,
 }
 
 impl Plan {
@@ -95,11 +96,14 @@ impl Plan {
     /// # Errors
     /// Options that contradict each other.
     pub fn with(asked: &Request, case: &CaseFile, images: Images) -> Result<Self> {
-        let Images { reference, deformed, grows, left_out } = images;
+        let Images { reference, deformed, grows, said } = images;
         let wanted = over(&asked.images, &case.images)?;
         let (given, regularisation) = correlation_of(asked, case)?;
         let options = options_of(&given, regularisation, case, reference.len())?;
-        let size = |mm| PixelSize::new(mm).ok_or(format!("the pixel size is {mm} mm; give a positive number"));
+        let size = |mm| {
+            let refused = || format!("the pixel size is {mm} mm; give a positive number, from 1e-12 to 1e12");
+            PixelSize::new(mm).ok_or_else(refused)
+        };
         let pixel_size = wanted.pixel_size_mm.map(size).transpose()?;
         if asked.shard.is_some() && options.start == StartFrom::Previous {
             return Err("--shard needs --start independent: the frames before are done by other processes".into());
@@ -162,7 +166,7 @@ impl Plan {
             store_only,
             setup: case.report.clone(),
             drawn: CaseQuantities { cracks: wanted_cracks(&asked.cracks, case, pixel_size)?, ..quantities_of(case) },
-            left_out,
+            said,
         };
         if zone_found {
             plan.allow_textureless();
@@ -406,8 +410,8 @@ pub struct Images {
     pub deformed: Vec<Frame>,
     /// Whether there are more to come.
     pub grows: bool,
-    /// Files that were named and are no images.
-    pub left_out: Vec<PathBuf>,
+    /// What there is to say of their names: the order they make, files left out, two cameras.
+    pub said: Vec<Remark>,
 }
 
 /// The files of the reference that is named; none when none is.
@@ -421,11 +425,13 @@ pub fn references(asked: &Request, case: &CaseFile) -> Result<Vec<PathBuf>> {
 impl Images {
     fn of(asked: &Request, case: &CaseFile) -> Result<Self> {
         let wanted = over(&asked.images, &case.images)?;
-        let mut deformed = match (&asked.images.deformed, &case.images.deformed) {
-            (Some(named), _) => expand_series(named, Path::new(""))?,
-            (None, named) => expand_series(named.as_deref().unwrap_or(&[]), &case.base)?,
+        let (patterns, base) = match (&asked.images.deformed, &case.images.deformed) {
+            (Some(named), _) => (named.as_slice(), Path::new("")),
+            (None, named) => (named.as_deref().unwrap_or(&[]), case.base.as_path()),
         };
+        let mut deformed = expand_series(patterns, base)?;
         let left_out = which_reference::without_texts(&mut deformed);
+        let said = which_reference::about_names(&deformed, &left_out, &but_for_capitals(patterns, base))?;
         let mut reference = references(asked, case)?;
         if reference.is_empty() {
             which_reference::check(&deformed)?;
@@ -442,9 +448,9 @@ impl Images {
         let all_pages = wanted.pages == Some(Pages::All);
         let first_page = page.unwrap_or(0);
         let mut frames = match deformed.as_slice() {
-            files if all_pages => Frame::pages(files, pages_of),
+            files if all_pages => Frame::pages(files, pages_of)?,
             // A stack alone is a series, unless one page of it is asked for.
-            [file] if page.is_none() => Frame::pages(std::slice::from_ref(file), pages_of),
+            [file] if page.is_none() => Frame::pages(std::slice::from_ref(file), pages_of)?,
             _ => Vec::new(),
         };
         if !frames.iter().any(|frame| frame.is_page) {
@@ -459,10 +465,14 @@ impl Images {
         let reference: Vec<Frame> =
             reference.into_iter().map(|path| Frame { is_page: is_page(&path), path, page: first_page }).collect();
         if frames.is_empty() {
+            let named = left_out.iter().chain(reference.iter().map(|frame| &frame.path));
+            if let Some(foreign) = named.into_iter().find_map(|path| ReadError::of_foreign(path)) {
+                return Err(foreign.into());
+            }
             let name = reference.first().map(Frame::to_string).unwrap_or_default();
             return Err(format!("{name}: only a reference image was given; add at least one deformed image").into());
         }
-        Ok(Self { reference, deformed: frames, grows: false, left_out })
+        Ok(Self { reference, deformed: frames, grows: false, said })
     }
 }
 

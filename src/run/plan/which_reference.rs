@@ -1,6 +1,8 @@
 //! Which file of a series is the reference, when nobody says: what the names of the files have to say about it.
 
-use crate::run::words::RunError;
+use crate::io::series::{NameOrder, two_cameras};
+use crate::remark::Remark;
+use crate::run::words::{Result, RunError, remarks};
 use std::path::{Path, PathBuf};
 
 /// Words in a name that say it shows the specimen before the test.
@@ -10,7 +12,8 @@ const SAYS_REFERENCE: &str = "ref reference refimage refimg refframe referenz un
 const NO_IMAGE: &[&str] = &[
     "txt", "csv", "tsv", "dat", "md", "rst", "log", "json", "toml", "yaml", "yml", "xml", "ini", "cfg", "html", "htm",
     "pdf", "doc", "docx", "xls", "xlsx", "ods", "odt", "rtf", "tex", "db", "py", "m", "mat", "npy", "npz", "ipynb",
-    "sh", "bat", "zip", "gz", "tar", "7z", "rar", "sha256", "md5",
+    "sh", "bat", "zip", "gz", "tar", "7z", "rar", "sha256", "md5", "avi", "mp4", "mov", "m4v", "mkv", "webm", "wmv",
+    "mpg", "mpeg", "cine", "mraw", "cih", "cihx", "h5", "hdf5",
 ];
 
 /// Takes the files out that are no images by their ending and by how they begin, as long as images are left; gives
@@ -39,9 +42,21 @@ fn begins_as_image(path: &Path) -> bool {
     read.is_ok() && (tiff || bitmap || pnm || starts(b"\x89PNG") || starts(b"\xff\xd8\xff"))
 }
 
+/// What there is to say of the names of a series, of which some files were `left_out`, some for their `capitals`.
+/// Errors: the images of two cameras.
+pub(crate) fn about_names(files: &[PathBuf], left_out: &[PathBuf], capitals: &[PathBuf]) -> Result<Vec<Remark>> {
+    let cameras = two_cameras(files);
+    if let Some(cameras) = cameras.as_ref().filter(|cameras| cameras.certain) {
+        return Err(RunError::TwoCameras(remarks::cameras_of(cameras)));
+    }
+    let (left_out, capitals) = (remarks::files_left_out(left_out), remarks::but_for_capitals(capitals));
+    let said = [left_out, capitals, remarks::order_of_names(files)].into_iter().flatten();
+    Ok(said.chain(cameras.as_ref().map(remarks::cameras_mixed)).collect())
+}
+
 /// Whether the names of the files contradict that the first of them is the reference.
 /// Errors: [`RunError::WhichReference`] with the file that says so.
-pub(crate) fn check(files: &[PathBuf]) -> Result<(), RunError> {
+pub(crate) fn check(files: &[PathBuf]) -> Result<()> {
     let Some((first, others)) = files.split_first() else { return Ok(()) };
     let own = words(first, first);
     let says = |words: &[String]| words.iter().any(|word| SAYS_REFERENCE.split(' ').any(|says| says == word));
@@ -49,7 +64,8 @@ pub(crate) fn check(files: &[PathBuf]) -> Result<(), RunError> {
         return Ok(()); // the first one says so itself
     }
     let by_word = others.iter().find(|file| says(&words(file, first)));
-    match by_word.or_else(|| others.iter().find(|file| is_zero_of(file, first))) {
+    let order = NameOrder::of(files);
+    match by_word.or_else(|| others.iter().find(|file| order.is_zero_of(file, first))) {
         Some(named) => Err(RunError::WhichReference { first: first.clone(), named: named.clone() }),
         None => Ok(()),
     }
@@ -81,25 +97,6 @@ fn words(file: &Path, first: &Path) -> Vec<String> {
     words
 }
 
-/// Whether a file has the number zero where the first one, of the same name otherwise, has another.
-fn is_zero_of(file: &Path, first: &Path) -> bool {
-    let numbered = |path: &Path| {
-        let stem = path.file_stem()?.to_string_lossy().into_owned();
-        let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
-        let begin = stem[..end]
-            .rfind(|c: char| !c.is_ascii_digit())
-            .map_or(0, |at| at + stem[at..].chars().next().map_or(1, char::len_utf8));
-        let is_zero = stem[begin..end].bytes().all(|digit| digit == b'0');
-        Some((stem[..begin].to_owned(), stem[end..].to_owned(), is_zero))
-    };
-    match (numbered(file), numbered(first)) {
-        (Some((before, after, true)), Some((first_before, first_after, false))) => {
-            file.parent() == first.parent() && (before, after) == (first_before, first_after)
-        }
-        _ => false,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -123,6 +120,7 @@ mod tests {
             (&["def/a.tif", "ref/a.tif"], "ref/a.tif"),
             (&["rotation_170.tif", "rotation_000.tif"], "rotation_000.tif"),
             (&["img3.png", "img2.png", "img0.png"], "img0.png"),
+            (&["F=0.25kN.png", "F=0.5kN.png", "F=0kN.png"], "F=0kN.png"),
             (&["Sample14 L1 Amp0.1b.tif", "Sample14 Reference.tif"], "Sample14 Reference.tif"),
         ] {
             assert_eq!(named(files).as_deref(), Some(wanted), "{files:?}");
@@ -139,6 +137,7 @@ mod tests {
             &["a_refined.tif", "b_reflection.tif", "preferred.tif"],
             &["cam0_5.tif", "cam0_6.tif"],
             &["x_10.tif", "y_0.tif"],
+            &["T-20C.tif", "T0C.tif", "T20C.tif"],
             &["unloaded.tif", "loaded.tif"],
             &["only.tif"],
             &["ä_1.tif", "ä_2.tif"],

@@ -2,13 +2,14 @@
 
 use crate::io::case::{CaseFile, parse_case};
 use crate::io::images::Accepted;
-use crate::io::series::{Frame, natural_order};
+use crate::io::series::{Frame, NameOrder};
 use crate::io::store::{STORE, StoreHeader};
 use crate::io::watch::{WatchedFolder, read_whole};
 use crate::remark::Remark;
 use crate::run::plan::Images;
 use crate::run::words::remarks::{folder_unreadable, frame_late};
 use crate::run::words::{Result, chain, plural};
+use std::cmp::Ordering;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -72,7 +73,7 @@ impl Camera {
         if images.reference.is_empty() {
             images.reference = frames(there.reference);
         }
-        self.last = images.deformed.iter().map(|frame| frame.path.clone()).max_by(|a, b| natural_order(a, b));
+        self.last = images.deformed.iter().map(|frame| frame.path.clone()).max_by(|a, b| compare_pair(a, b));
         Ok(())
     }
 
@@ -123,7 +124,7 @@ impl Camera {
             Ok(files) => {
                 self.fault = None;
                 for path in files {
-                    match self.last.as_ref().filter(|last| natural_order(&path, last).is_lt()) {
+                    match self.last.as_ref().filter(|last| compare_pair(&path, last).is_lt()) {
                         Some(last) => self.remarks.push(frame_late(&path, last)),
                         None => self.last = Some(path.clone()),
                     }
@@ -166,4 +167,9 @@ impl Camera {
         }
         lines
     }
+}
+
+/// Which of two names comes first, by what these two show.
+fn compare_pair(a: &Path, b: &Path) -> Ordering {
+    NameOrder::of(&[a, b]).compare(a, b)
 }

@@ -137,7 +137,7 @@ impl<'a> PreparedSeries<'a> {
         let prepare = Instant::now();
         let device = plan.device(width * height)?;
         let prepared = || Engine::new(device, Arc::clone(&reference), zones, plan.options.clone());
-        let engine = pool.install(prepared).map_err(|error| about_reference(&plan, &error))?;
+        let engine = pool.install(prepared).map_err(|error| about_reference(&plan, &reference, &error))?;
         let correlator = engine.correlator();
         let seconds_reference = prepare.elapsed().as_secs_f64();
         quantities::resolve(&plan.drawn, plan.strain, plan.pixel_size, correlator.mesh())?;
@@ -227,10 +227,10 @@ impl<'a> PreparedSeries<'a> {
         watcher(Event::Begun { total, before: before.done.len() });
         let threads = self.pool.current_num_threads();
         watcher(Event::Note(&said::begin_line(plan, correlator, reference, threads)));
-        let left_out = remarks::files_left_out(&plan.left_out);
         let left_over = remarks::left_over(plan.named_zones(), plan.options.mesh_size());
         let of_nodes: Vec<Remark> = remarks::of_nodes(correlator).collect();
-        let at_begin = left_out.iter().chain(&self.remarks).chain(&self.lock.remark).chain(&left_over).chain(&of_nodes);
+        let at_begin =
+            plan.said.iter().chain(&self.remarks).chain(&self.lock.remark).chain(&left_over).chain(&of_nodes);
         at_begin.for_each(|remark| watcher(Event::Remark(remark)));
         let earlier = said::about_earlier(before.done.len(), before.to_do.len(), &before.damaged, &before.depending);
         earlier.iter().for_each(|line| watcher(Event::Note(line)));
@@ -239,7 +239,7 @@ impl<'a> PreparedSeries<'a> {
         let frames: Vec<FrameSummary> = before.done.values().map(|(summary, _)| summary.clone()).collect();
         let mut summary = Summary {
             seconds_reference: self.seconds_reference,
-            remarks: left_out.into_iter().chain(left_over).chain(borders).collect(),
+            remarks: plan.said.iter().cloned().chain(left_over).chain(borders).collect(),
             counts: counts(&frames),
             trust: Trust::of(&frames),
             reference_updates: reference_updates(&frames),
@@ -267,6 +267,7 @@ impl<'a> PreparedSeries<'a> {
             summary,
             busy: Busy::new(widths),
             in_series: with_field.map(|(&number, _)| number).collect(),
+            notes: self.remarks.iter().filter_map(|remark| Some(remark.text.split_once(": ")?.1.to_owned())).collect(),
         })
     }
 
@@ -327,6 +328,7 @@ impl<'a> PreparedSeries<'a> {
                 tally.hashes.insert(frame.number, sha256.clone());
                 news.iter().for_each(|line| watcher(Event::Note(line)));
                 tally.take_remarks(engine, watcher);
+                tally.say_of_file(&frame, watcher);
                 tally.busy.add(&frame, writing.time(), waiting.time());
                 watcher(Event::Frame { summary: &frame, busy: &tally.busy });
                 tally.summary.frames.push(frame.clone());

@@ -56,7 +56,7 @@ impl InMemory {
     pub fn new(asked: &Request, case: &CaseFile, reference: Arc<Image>, mask: Option<Mask>) -> Result<Self> {
         let size = [reference.width(), reference.height()];
         let named = Frame::file("the reference image".into(), 0);
-        let images = Images { reference: vec![named], deformed: Vec::new(), grows: false, left_out: Vec::new() };
+        let images = Images { reference: vec![named], deformed: Vec::new(), grows: false, said: Vec::new() };
         let mut plan = Plan::with(asked, case, images)?;
         if plan.update != UpdateReference::Never {
             return Err("update_reference is for a series; leave it out for single images".into());

@@ -63,7 +63,7 @@ pub fn watch(
         reference: references.into_iter().map(|path| Frame::file(path, page)).collect(),
         deformed: Vec::new(),
         grows: true,
-        left_out: Vec::new(),
+        said: Vec::new(),
     };
     let folder = &RunFolder::writable(output)?;
     // Who works on the folder is told at once, not when the first image has come.

@@ -12,6 +12,7 @@ use crate::io::mesh_file::MeshFileError;
 use crate::io::run_case::RunCaseError;
 use crate::io::series::SeriesError;
 use crate::io::store::StoreError;
+use crate::io::text::shell_word;
 use crate::io::watch::WatchError;
 use crate::mechanics::cohesive::LawError;
 use crate::mechanics::{JointError, ModelError};
@@ -42,6 +43,9 @@ pub enum RunError {
         /// The one whose name says so.
         named: PathBuf,
     },
+    /// The images of two cameras in one series.
+    #[error("{0}")]
+    TwoCameras(String),
     /// The folder holds the results of another run.
     #[error(
         "{}: holds the results of another run{}; choose another --output folder, or replace them with --overwrite",
@@ -163,16 +167,6 @@ pub enum RunError {
         /// What is wrong.
         source: serde_json::Error,
     },
-}
-
-/// A word of a command line, in quotes where a shell would take it apart.
-pub(crate) fn shell_word(word: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || "/._-+:=,@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', r"'\''"))
-    }
 }
 
 /// A thread within `scope`, or an error where the system gives none.

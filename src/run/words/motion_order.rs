@@ -7,7 +7,7 @@
 )]
 
 use crate::field::Status;
-use crate::io::series::natural_order;
+use crate::io::series::NameOrder;
 use crate::remark::{About, Code, Remark};
 use crate::report::summary::Summary;
 use std::collections::BTreeMap;
@@ -139,7 +139,8 @@ impl Motion {
         let files = files(summary);
         let file = |at: usize| files.get(&self.numbers[at]).copied().unwrap_or("");
         let mut by_name = given.clone();
-        by_name.sort_by(|&a, &b| natural_order(Path::new(file(a)), Path::new(file(b))));
+        let order = NameOrder::of(&given.iter().map(|&at| file(at)).collect::<Vec<_>>());
+        by_name.sort_by(|&a, &b| order.compare(Path::new(file(a)), Path::new(file(b))));
         if by_name != given && much(self.way(&by_name)) {
             let shorter = self.way(&by_name);
             let text = format!(

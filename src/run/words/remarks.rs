@@ -5,8 +5,11 @@ use crate::backend::BackendError;
 use crate::correlate::{BareBorder, Correlation, NoiseColour, Reference, StartUsed, TextureFault, UpdateRefused};
 use crate::field::Status;
 
-use crate::imaging::{GreyDepth, Image, Saturation};
+use crate::imaging::{GreyDepth, Image, OddLevels, Saturation};
 use crate::io::case::CaseZone;
+use crate::io::images::Foreign;
+use crate::io::series::{NameOrder, TwoCameras, natural_order};
+use crate::io::text::shell_word;
 use crate::mechanics::PathEnd;
 use crate::remark::{About, Code, Remark};
 use crate::report::saturated;
@@ -18,15 +21,62 @@ const NODES_NAMED: usize = 3;
 
 /// Files of the series that are text; `None` without any.
 pub(crate) fn files_left_out(texts: &[PathBuf]) -> Option<Remark> {
-    let first = texts.first()?;
-    let mut names: Vec<String> = texts.iter().take(FILES_NAMED).map(|path| path.display().to_string()).collect();
-    if texts.len() > FILES_NAMED {
-        names.push(format!("{} more", texts.len() - FILES_NAMED));
+    let are = if texts.len() == 1 { "is not an image and is left out" } else { "are not images and are left out" };
+    left_out(texts, are)
+}
+
+/// Files that a pattern would take but for their capital letters; `None` without any.
+pub(crate) fn but_for_capitals(files: &[PathBuf]) -> Option<Remark> {
+    let are = "left out: only capital letters keep the pattern from taking";
+    left_out(files, &if files.len() == 1 { format!("is {are} it") } else { format!("are {are} them") })
+}
+
+fn left_out(files: &[PathBuf], are: &str) -> Option<Remark> {
+    let first = files.first()?;
+    let named = |path: &PathBuf| match Foreign::at(path) {
+        Some(foreign) => format!("{} ({})", path.display(), foreign.what),
+        None => path.display().to_string(),
+    };
+    let mut names: Vec<String> = files.iter().take(FILES_NAMED).map(named).collect();
+    if files.len() > FILES_NAMED {
+        names.push(format!("{} more", files.len() - FILES_NAMED));
     }
-    let are = if texts.len() == 1 { "is not an image and is" } else { "are not images and are" };
-    let text = format!("{} {are} left out", names.join(", "));
-    let remark = Remark::new(Code::FilesLeftOut, About::Run, text);
-    Some(remark.with("files", texts.len()).with("first", first.display().to_string()))
+    let remark = Remark::new(Code::FilesLeftOut, About::Run, format!("{} {are}", names.join(", ")));
+    Some(remark.with("files", files.len()).with("first", first.display().to_string()))
+}
+
+/// The order that numbers with decimals, signs or units make of these files; `None` where it is the plain one.
+pub(crate) fn order_of_names(files: &[PathBuf]) -> Option<Remark> {
+    let (order, mut plain) = (NameOrder::of(files), files.to_vec());
+    plain.sort_by(|a, b| natural_order(a, b));
+    let is_by_numbers = files.is_sorted_by(|a, b| order.compare(a, b).is_le());
+    let first: Vec<String> = files.iter().take(FILES_NAMED).map(|path| path.display().to_string()).collect();
+    let more = if files.len() > FILES_NAMED { ", ..." } else { "" };
+    let text =
+        format!("order by the numbers in the names, with their decimals, signs and units: {}{more}", first.join(", "));
+    (is_by_numbers && plain != files).then(|| Remark::new(Code::OrderOfNames, About::Run, text))
+}
+
+/// The images of two cameras, and what to do with them.
+pub(crate) fn cameras_of(TwoCameras { names, patterns, certain }: &TwoCameras) -> String {
+    let command = |name: &str, pattern: &str| {
+        let folder = format!("out-{}", name.trim_matches(|c: char| !c.is_alphanumeric()));
+        format!("`quadrille correlate --output {} {}`", shell_word(&folder), shell_word(pattern))
+    };
+    let ([first, second], [of_first, of_second]) = (names, patterns);
+    let are = if *certain { "these are two cameras, and a series is of one:" } else { "if these are two cameras," };
+    format!(
+        "the names have {first} and {second} in turn, every instant has both; {are} give {}, then {}",
+        command(first, of_first),
+        command(second, of_second)
+    )
+}
+
+/// The images may be those of two cameras.
+pub(crate) fn cameras_mixed(found: &TwoCameras) -> Remark {
+    let remark = Remark::new(Code::CamerasMixed, About::Run, cameras_of(found));
+    let [first, second] = &found.patterns;
+    remark.with("first", first.as_str()).with("second", second.as_str())
 }
 
 /// What there is to know of the file of frame `number`.
@@ -52,8 +102,9 @@ pub(crate) fn reference_blurred(file: &str, first: &str, [x, y]: [f64; 2]) -> Re
 pub(crate) fn of_grey(name: &str, reference: &Image, saturation: Option<Saturation>) -> Vec<Remark> {
     let depth = GreyDepth::of(reference).and_then(GreyDepth::remark);
     let depth = depth.map(|text| Remark::new(Code::ImageFile, About::Reference, text));
+    let odd = OddLevels::of(reference).map(|odd| Remark::new(Code::ImageOdd, About::Reference, odd.to_string()));
     let much = saturation.and_then(|found| saturated(About::Reference, found));
-    depth.into_iter().chain(much).map(|remark| remark.after(&format!("{name}: "))).collect()
+    depth.into_iter().chain(odd).chain(much).map(|remark| remark.after(&format!("{name}: "))).collect()
 }
 
 /// What there is to know of a mask or mesh file.

@@ -1,6 +1,7 @@
 //! What has come of a run so far.
 
-use crate::report::summary::{Summary, Trust, counts, reference_updates};
+use crate::remark::{Code, Remark};
+use crate::report::summary::{FrameSummary, Summary, Trust, counts, reference_updates};
 use crate::run::folder::RunFolder;
 use crate::run::frames::{Busy, Engine};
 use crate::run::words::{Event, Result, Watcher};
@@ -14,6 +15,8 @@ pub(crate) struct Tally {
     pub busy: Busy,
     /// Frames with a field.
     pub in_series: BTreeSet<usize>,
+    /// What was said of files: of the reference first, then of the first frame that it holds for.
+    pub notes: BTreeSet<String>,
 }
 
 /// How often the summary is written while the series runs.
@@ -45,6 +48,18 @@ impl Summaries {
 }
 
 impl Tally {
+    /// Says how the file of a frame was read, where neither the reference nor a frame before was read so.
+    pub fn say_of_file(&mut self, frame: &FrameSummary, watcher: Watcher<'_>) {
+        for remark in frame.remarks.iter().filter(|remark| remark.code == Code::ImageFile) {
+            let is_new = |note: &&str| self.notes.insert((*note).to_owned());
+            let notes: Vec<&str> = remark.text.split("; ").filter(is_new).collect();
+            if !notes.is_empty() {
+                let text = format!("frame {} ({}): {}", frame.number, frame.file, notes.join("; "));
+                watcher(Event::Remark(&Remark::new(remark.code, remark.about.clone(), text)));
+            }
+        }
+    }
+
     /// Says and keeps what the engine has found worth saying.
     pub fn take_remarks(&mut self, engine: &Engine, watcher: Watcher<'_>) {
         let remarks = engine.take_remarks();

@@ -5,6 +5,7 @@ mod depth;
 mod image;
 mod interpolation;
 mod mean;
+mod odd;
 mod specimen;
 
 pub use blank::{Blank, FlatBlocks};
@@ -12,4 +13,5 @@ pub use depth::{GreyDepth, Saturation};
 pub use image::{Image, ImageError, Levels, Pixels, SharedPixels};
 pub use interpolation::Interpolation;
 pub use mean::{Mean, small_shift};
+pub use odd::OddLevels;
 pub use specimen::{LeftOut, Specimen, SpecimenPart};

@@ -56,13 +56,25 @@ macro_rules! codes {
 codes! {
     "Files and images" {
         FilesLeftOut "files-left-out" Note
-            "Files in the folder are not images."
-            "A folder or pattern named files that are text. They are not part of the series."
+            "Files in the folder are left out."
+            "A folder or pattern named files that are text or videos, or left some out for their capital letters."
             "Nothing, unless one of them should be an image.";
+        OrderOfNames "order-of-names" Note
+            "Numbers in the names set the order of the files."
+            "Names have decimals, signs or units, which an order by letters takes apart. The text names the first files."
+            "Check that the first one is the reference. `--reference` names another.";
+        CamerasMixed "cameras-mixed" Warning
+            "The names are those of two cameras."
+            "Names end in two numbers in turn, and every instant has both. The motion between cameras is none."
+            "Correlate each camera by itself, with the pattern that the text gives.";
         ImageFile "image-file" Note
             "How an image file was read."
             "The file has more pages, channels or bits than grey levels need, or its bits are not all used."
             "Check that the right page or channel was read. `--page` chooses another page.";
+        ImageOdd "image-odd" Warning
+            "The grey levels are not those of a picture."
+            "The raw mosaic of a colour camera, two levels, or swapped bytes. Displacements are drawn to whole pixels or lost."
+            "Save the images again, as the text says.";
         ImageSaturated "image-saturated" Warning
             "Many pixels are black or white."
             "More than 1 % of the pixels in the zones are at the end of the range of grey levels. They show no texture."

@@ -1,7 +1,7 @@
 //! The section `[force]`: what the load cell of the testing machine recorded.
 
 use super::lists::name;
-use super::quantities::CaseLoad;
+use super::quantities::{CaseLoad, Decimal};
 use schemars::JsonSchema;
 use serde::de::{self, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -26,6 +26,8 @@ pub struct CaseForce {
     /// Time of the reference in the load file, s; with `frame_times` what is added to these.
     #[schemars(extend("default" = 0))]
     pub start_s: Option<f64>,
+    /// The decimal mark of the load file, where the file itself does not show whether `1.250` is 1250.
+    pub decimal: Option<Decimal>,
     /// The group whose reaction it is: of `[groups]`, the mesh file, or the strips. Optional if there is only one.
     #[serde(default, deserialize_with = "name")]
     pub group: Option<String>,
@@ -49,8 +51,8 @@ pub struct CaseForce {
 impl CaseForce {
     /// How its file is read and joined with the instants; `None` without a file.
     pub fn load(&self) -> Option<CaseLoad> {
-        let Self { file, time, frame_interval_s, frame_times, start_s, .. } = self.clone();
-        Some(CaseLoad { file: file?, time, frame_interval_s, frame_times, start_s, area_mm2: None })
+        let Self { file, time, frame_interval_s, frame_times, start_s, decimal, .. } = self.clone();
+        Some(CaseLoad { file: file?, time, frame_interval_s, frame_times, start_s, decimal, area_mm2: None })
     }
 }
 
@@ -63,6 +65,7 @@ impl Default for CaseForce {
             frame_interval_s: None,
             frame_times: None,
             start_s: None,
+            decimal: None,
             group: None,
             direction: None,
             width_mm: None,

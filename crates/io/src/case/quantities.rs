@@ -6,6 +6,7 @@ use super::lists::{name, point, two_names};
 use crate::field::RemoveRigid;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::str::FromStr;
 
 /// The sections of a case file that say which quantities are drawn from the fields.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -73,9 +74,44 @@ pub struct CaseLoad {
     #[schemars(extend("default" = 0))]
     #[cfg_attr(feature = "cli", arg(long = "load-start", value_name = "S", allow_negative_numbers = true))]
     pub start_s: Option<f64>,
+    /// The decimal mark of the load file, where the file itself does not show whether `1.250` is 1250.
+    #[cfg_attr(feature = "cli", arg(long = "load-decimal", value_name = "point|comma"))]
+    pub decimal: Option<Decimal>,
     /// Area of the cross-section, mm2: adds a column `stress_MPa`, the force over it.
     #[cfg_attr(feature = "cli", arg(long = "area", value_name = "MM2", allow_negative_numbers = true))]
     pub area_mm2: Option<f64>,
+}
+
+/// The mark before the decimals of a number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Decimal {
+    /// `1.25`.
+    Point,
+    /// `1,25`.
+    Comma,
+}
+
+impl Decimal {
+    /// The sign.
+    pub fn mark(self) -> char {
+        match self {
+            Self::Point => '.',
+            Self::Comma => ',',
+        }
+    }
+}
+
+impl FromStr for Decimal {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "point" => Ok(Self::Point),
+            "comma" => Ok(Self::Comma),
+            other => Err(format!("'{other}' is no decimal mark; give point or comma")),
+        }
+    }
 }
 
 /// A point.

@@ -1,6 +1,10 @@
 //! Images as they are decoded: samples and their channels, before they are grey levels.
 
+use super::upright::Orientation;
 use crate::imaging::Pixels;
+
+/// One colour that varies so many times as much as the luminance is what the picture shows.
+const ONE_LUMINANCE: f64 = 10.0;
 
 /// What an image file may hold to be decoded: a file of a few hundred bytes can claim, and unpack to, gigabytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +25,28 @@ impl Accepted {
     /// Of these the images of this size alone.
     pub fn of_size(self, width: usize, height: usize) -> Self {
         Self { size: Some([width, height]), ..self }
+    }
+}
+
+impl Accepted {
+    /// The same before the image is turned.
+    pub(crate) fn stored(self, orientation: Orientation) -> Self {
+        match self.size {
+            Some([width, height]) if orientation.is_across() => Self { size: Some([height, width]), ..self },
+            _ => self,
+        }
+    }
+}
+
+impl ImageFault {
+    /// The same of the image as it is seen.
+    pub fn upright(self, orientation: Orientation) -> Self {
+        match self {
+            Self::OtherSize { width, height, wanted: [columns, rows] } if orientation.is_across() => {
+                Self::OtherSize { width: height, height: width, wanted: [rows, columns] }
+            }
+            fault => fault,
+        }
     }
 }
 
@@ -64,6 +90,8 @@ pub(crate) struct Raw {
     pub notes: Vec<String>,
     /// As the file says.
     pub taken: Option<String>,
+    /// How the pixels lie.
+    pub orientation: Orientation,
 }
 
 /// Refuses a size that cannot be meant, before anything is allocated for it.
@@ -117,7 +145,7 @@ impl Channels {
             return self.first(samples);
         }
         let depth = samples.depth();
-        let luminances = match &samples {
+        let (luminances, are_one) = match &samples {
             Pixels::U8(samples) => self.luminances(samples),
             Pixels::U16(samples) => self.luminances(samples),
             Pixels::F32(samples) => self.luminances(samples),
@@ -128,6 +156,12 @@ impl Channels {
                 self.first(samples)
             }
             Some(levels) => {
+                if are_one {
+                    notes.push(
+                        "the colours hardly differ in luminance, but in red, green or blue: save that one as a grey image"
+                            .into(),
+                    );
+                }
                 let scale = if depth == "32-bit float" { String::new() } else { format!(" in the {depth} scale") };
                 notes.push(format!("colours become luminance (Rec. 709), a 32-bit float{scale}"));
                 Pixels::F32(levels)
@@ -152,12 +186,30 @@ impl Channels {
         samples.iter().skip(start).step_by(step).take(plane).copied()
     }
 
-    /// The luminance of each pixel; `None` when no pixel has a colour.
-    fn luminances<T: Copy + PartialEq + Into<f32>>(self, samples: &[T]) -> Option<Vec<f32>> {
+    /// Whether red, green or blue varies so much more than the `luminances` made of them that these show little.
+    fn have_one_luminance<T: Copy + Into<f32>>(self, samples: &[T], luminances: &[f32]) -> bool {
+        let spread = |levels: &mut dyn Iterator<Item = f32>| {
+            let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
+            for level in levels.map(f64::from) {
+                (n, sum, squares) = (n + 1.0, sum + level, squares + level * level);
+            }
+            (squares / n - (sum / n) * (sum / n)).max(0.0).sqrt()
+        };
+        let of_channel = |channel: usize| spread(&mut self.channel(samples, channel).map(Into::into));
+        (0..3).any(|channel| {
+            of_channel(channel) > ONE_LUMINANCE * spread(&mut luminances.iter().copied()).max(f64::MIN_POSITIVE)
+        })
+    }
+
+    /// The luminance of each pixel, `None` when no pixel has a colour; and whether it is much the same for all.
+    fn luminances<T: Copy + PartialEq + Into<f32>>(self, samples: &[T]) -> (Option<Vec<f32>>, bool) {
         let colours = || self.channel(samples, 0).zip(self.channel(samples, 1)).zip(self.channel(samples, 2));
         if colours().all(|((red, green), blue)| red == green && green == blue) {
-            return None;
+            return (None, false);
         }
-        Some(colours().map(|((red, green), blue)| luminance(red.into(), green.into(), blue.into())).collect())
+        let levels: Vec<f32> =
+            colours().map(|((red, green), blue)| luminance(red.into(), green.into(), blue.into())).collect();
+        let are_one = self.have_one_luminance(samples, &levels);
+        (Some(levels), are_one)
     }
 }

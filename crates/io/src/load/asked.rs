@@ -2,7 +2,8 @@
 
 use super::error::LoadError;
 use super::remarks::joined;
-use super::{FrameTimes, LoadTable, read_frame_times, read_load, read_record};
+use super::source::Source;
+use super::{FrameTimes, LoadTable, load_of, read_frame_times, record_of};
 use crate::case::CaseLoad;
 use std::path::Path;
 
@@ -36,11 +37,11 @@ pub fn read_as_asked(load: &CaseLoad, n_frames: usize) -> Result<LoadTable, Load
     };
     let table = match (&load.time, times) {
         (Some(time), Some(times)) => {
-            let mut table = read_record(path, time, &times)?;
+            let mut table = record_of(&Source::read(path, load.decimal)?, path, time, &times)?;
             table.remarks.insert(0, joined(load));
             table
         }
-        (None, None) if load.start_s.is_none() => read_load(path, n_frames)?,
+        (None, None) if load.start_s.is_none() => load_of(&Source::read(path, load.decimal)?, path, n_frames)?,
         (Some(_), None) => {
             return wrong(format!(
                 "{}: rows are joined with the frames by time, but nobody knows when the frames were taken; give \

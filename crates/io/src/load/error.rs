@@ -70,6 +70,22 @@ pub enum LoadError {
         /// What stands there.
         text: String,
     },
+    /// A number that may be a thousand times another: nothing in the file shows which.
+    #[error(
+        "{}, line {line}, column '{column}': '{text}' may be {}; say which mark stands before decimals with decimal = \"point\" \
+         or \"comma\" (--load-decimal)",
+        path.display(), two_values(text)
+    )]
+    Ambiguous {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// What stands there.
+        text: String,
+    },
     /// The column `frame` holds no frame of the series.
     #[error("{}, line {line}: frame '{text}' is not among the {n_frames} deformed images (0 is the reference)", path.display())]
     Frame {
@@ -159,6 +175,12 @@ pub enum LoadError {
         /// Deformed images of the series.
         n_frames: usize,
     },
+}
+
+/// What a number with one point or comma may be.
+fn two_values(text: &str) -> String {
+    let without = text.replace(['.', ','], "");
+    format!("{without} or {}", text.replace(',', "."))
 }
 
 fn list(names: &[String]) -> String {

@@ -1,10 +1,15 @@
 //! A load file as it stands: names, units, cells.
 
+use super::clock::clock_time;
+use super::decimals::{Evidence, agreed, evidence, number};
 use super::error::LoadError;
 use super::remarks;
+use super::source::Source;
 use super::units::{Named, is_unit};
+use crate::case::Decimal;
 use crate::remark::Remark;
 use ::csv::{ReaderBuilder, StringRecord};
+use std::borrow::Cow;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -32,50 +37,38 @@ pub(super) struct RawTable {
     places: Vec<usize>,
     frame_at: Option<usize>,
     rows: Vec<StringRecord>,
-    decimal_comma: bool,
+    /// Whether columns are separated by commas.
+    is_comma: bool,
+    /// The decimal mark that is asked for.
+    decimal: Option<Decimal>,
+    /// That of each column, where it is known.
+    decimals: Vec<Option<Decimal>>,
     /// Units that are converted.
     pub remarks: Vec<Remark>,
 }
 
 impl RawTable {
-    /// Takes the `wanted` columns of `text` apart; `path` stands in messages.
-    pub fn parse(text: &str, path: &Path, wanted: Wanted<'_>) -> Result<Self, LoadError> {
-        let text = text.trim_start_matches('\u{feff}');
+    /// Takes the `wanted` columns of a file apart; `path` stands in messages.
+    pub fn parse(source: &Source, path: &Path, wanted: Wanted<'_>) -> Result<Self, LoadError> {
         let path = path.to_owned();
-        let first = text.lines().find(|line| !line.trim().is_empty() && !line.starts_with('#'));
-        let Some(first) = first else { return Err(LoadError::Empty(path, "header")) };
-        let separator = [b';', b'\t', b','].into_iter().find(|&s| first.as_bytes().contains(&s)).unwrap_or(b',');
-        let mut reader = ReaderBuilder::new()
-            .delimiter(separator)
-            .comment(Some(b'#'))
-            .has_headers(false)
-            .flexible(true)
-            .trim(::csv::Trim::All)
-            .from_reader(text.as_bytes());
-        // `text` is UTF-8 and rows may have any length: the parser has nothing left to refuse.
-        let refused = |error: ::csv::Error| LoadError::Io(path.clone(), io::Error::other(error));
-        // A row of nothing but separators is an empty line of a spreadsheet.
-        let is_row = |record: &StringRecord| record.iter().any(|cell| !cell.is_empty());
-        let all = reader.records().collect::<Result<Vec<_>, _>>().map_err(refused)?;
-        let all: Vec<StringRecord> = all.into_iter().filter(is_row).collect();
-        let mut records = all.iter().cloned().peekable();
+        let text = source.text.trim_start_matches('\u{feff}');
+        let (separator, text) = separator_of(text);
+        let Some(separator) = separator else { return Err(LoadError::Empty(path, "header")) };
+        let all = records(&text, separator).map_err(|error| LoadError::Io(path.clone(), io::Error::other(error)))?;
+        let begin = header_at(&all);
+        let mut records = all.iter().skip(begin).cloned().peekable();
         let Some(header) = records.next() else { return Err(LoadError::Empty(path, "header")) };
         // Machines end lines with a separator.
-        let n_columns =
-            header.iter().collect::<Vec<_>>().iter().rposition(|cell| !cell.is_empty()).map_or(0, |at| at + 1);
-        let lacks_unit = |cell: &str| !is_frame(cell) && Named::new(cell, None).unit.is_none();
-        let are_units = |row: &StringRecord| {
-            row.iter().all(|cell| !cell.starts_with(|c: char| c.is_ascii_digit()) && number(cell, true).is_none())
-        };
-        // A name such as Axial_Force looks as if it had a unit.
-        let is_blank = |cell: &str| ["", "-"].contains(&cell);
-        let are_known =
-            |row: &StringRecord| row.iter().all(|cell| is_blank(cell) || is_unit(cell)) && !row.iter().all(is_blank);
-        let lacks = header.iter().any(lacks_unit);
-        let units = records.next_if(|row| are_units(row) && (lacks || are_known(row)));
+        let n_columns = width(&header);
+        let units = records.next_if(|row| are_units_below(&header, row));
         let line = line_of(&header);
-        let mut table = Self { path, decimal_comma: separator != b',', ..Self::default() };
-        let is_empty_below = |at: usize| all.iter().all(|row| row.get(at).is_none_or(str::is_empty));
+        let mut table = Self { path, is_comma: separator == b',', decimal: source.decimal, ..Self::default() };
+        table.remarks.clone_from(&source.remarks);
+        if begin > 0 {
+            table.remarks.push(remarks::preamble(line - 1));
+        }
+        let below = all.get(begin..).unwrap_or_default();
+        let is_empty_below = |at: usize| below.iter().all(|row| row.get(at).is_none_or(str::is_empty));
         let n_columns = if (n_columns..header.len()).all(is_empty_below) { n_columns } else { header.len() };
         for (at, cell) in header.iter().enumerate().take(n_columns) {
             let below = units.as_ref().map(|units| units.get(at).unwrap_or(""));
@@ -97,7 +90,35 @@ impl RawTable {
         if table.rows.is_empty() {
             return Err(LoadError::Empty(table.path, "row"));
         }
+        table.find_decimals();
         Ok(table)
+    }
+
+    fn cells(&self, column: usize) -> impl Iterator<Item = &str> {
+        (0..self.n_rows()).map(move |row| self.cell(row, column))
+    }
+
+    /// The decimal marks that the numbers of a column show.
+    fn shown(&self, column: usize) -> impl Iterator<Item = Decimal> {
+        self.cells(column).filter_map(|cell| match evidence(cell) {
+            Evidence::Is(mark) => Some(mark),
+            _ => None,
+        })
+    }
+
+    /// Which mark stands before the decimals of each column: what its own numbers show, else those of the file.
+    fn find_decimals(&mut self) {
+        let columns = 0..self.columns.len();
+        let of_file = agreed(columns.clone().flat_map(|column| self.shown(column)));
+        self.decimals = columns.clone().map(|column| self.decimal.or(agreed(self.shown(column))).or(of_file)).collect();
+        let in_thousands = |column: usize| {
+            let decimal = (*self.decimals.get(column)?)?;
+            let is_other = |cell: &&str| matches!(evidence(cell), Evidence::Either(mark) if mark != decimal);
+            let cell = self.cells(column).find(is_other)?;
+            Some(remarks::thousands(self.columns.get(column)?, cell, number(cell, decimal)?))
+        };
+        let said: Vec<Remark> = columns.filter_map(in_thousands).collect();
+        self.remarks.extend(said);
     }
 
     fn name(
@@ -170,15 +191,20 @@ impl RawTable {
         if cell.is_empty() {
             return Ok(None);
         }
-        // In a quoted cell between commas a comma can only be decimal.
-        match number(cell, self.decimal_comma || cell.contains(',')) {
+        let (path, line, name) = (self.path.clone(), self.line(row), self.columns[column].clone());
+        let value = match (self.decimals[column], evidence(cell)) {
+            (Some(decimal), _) => number(cell, decimal),
+            // Where commas separate columns a point is before decimals.
+            (None, Evidence::Either(Decimal::Point)) if self.is_comma => number(cell, Decimal::Point),
+            // Two numbers of the column contradict each other, or none says anything.
+            (None, Evidence::Is(_) | Evidence::Either(_)) => {
+                return Err(LoadError::Ambiguous { path, line, column: name, text: cell.to_owned() });
+            }
+            (None, Evidence::None) => number(cell, Decimal::Point),
+        };
+        match value {
             Some(value) => Ok(Some(value * self.factors[column])),
-            None => Err(LoadError::Number {
-                path: self.path.clone(),
-                line: self.line(row),
-                column: self.columns[column].clone(),
-                text: cell.to_owned(),
-            }),
+            None => Err(LoadError::Number { path, line, column: name, text: cell.to_owned() }),
         }
     }
 
@@ -206,7 +232,7 @@ impl RawTable {
         let mut taken = vec![false; n_frames + 1];
         let frame = |(row, record): (usize, &StringRecord)| {
             let (path, line) = (self.path.clone(), self.line(row));
-            match record[at].parse::<usize>().ok().filter(|&frame| frame <= n_frames) {
+            match whole(&record[at]).filter(|&frame| frame <= n_frames) {
                 None => Err(LoadError::Frame { path, line, text: record[at].to_owned(), n_frames }),
                 Some(frame) if std::mem::replace(&mut taken[frame], true) => {
                     Err(LoadError::Twice { path, line, frame })
@@ -233,8 +259,89 @@ fn is_called(name: &str, full: &str, given: &str) -> bool {
     same(full) || same(given) || same(&base)
 }
 
-/// A finite number.
-fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
-    let plain = if decimal_comma { cell.replacen(',', ".", 1) } else { cell.to_owned() };
-    plain.parse().ok().filter(|value: &f64| value.is_finite())
+/// A whole number; tables of programs for numbers write `1.0`.
+fn whole(cell: &str) -> Option<usize> {
+    let bare =
+        cell.split_once('.').filter(|(_, zeros)| zeros.bytes().all(|c| c == b'0')).map_or(cell, |(whole, _)| whole);
+    bare.parse().ok()
+}
+
+/// What separates the columns of `text`, and the text without a line that says so (`sep=;`, of spreadsheets): the
+/// first of `;`, tab and `,` in half of the lines. Lines before the header may have none.
+fn separator_of(text: &str) -> (Option<u8>, Cow<'_, str>) {
+    let (first, rest) = text.split_once('\n').unwrap_or((text, ""));
+    let said = first.trim_end_matches('\r').strip_prefix("sep=").or_else(|| first.trim_end().strip_prefix("SEP="));
+    if let Some(&[separator]) = said.map(str::as_bytes) {
+        // An empty line in its place: lines are counted.
+        return (Some(separator), Cow::Owned(format!("\n{rest}")));
+    }
+    let lines = || text.lines().filter(|line| !line.trim().is_empty() && !line.starts_with('#'));
+    let n = lines().count();
+    let among = |&separator: &u8| 2 * lines().filter(|line| line.as_bytes().contains(&separator)).count() >= n;
+    ((n > 0).then(|| [b';', b'\t', b','].into_iter().find(among).unwrap_or(b',')), Cow::Borrowed(text))
+}
+
+/// The rows of `text` in which something stands.
+fn records(text: &str, separator: u8) -> Result<Vec<StringRecord>, ::csv::Error> {
+    let mut reader = ReaderBuilder::new()
+        .delimiter(separator)
+        .comment(Some(b'#'))
+        .has_headers(false)
+        .flexible(true)
+        .trim(::csv::Trim::All)
+        .from_reader(text.as_bytes());
+    // A row of nothing but separators is an empty line of a spreadsheet.
+    let is_row = |record: &StringRecord| record.iter().any(|cell| !cell.is_empty());
+    let all = reader.records().collect::<Result<Vec<_>, _>>()?;
+    Ok(all.into_iter().filter(is_row).collect())
+}
+
+/// Columns of a row up to the last in which something stands.
+fn width(row: &StringRecord) -> usize {
+    row.iter().collect::<Vec<_>>().iter().rposition(|cell| !cell.is_empty()).map_or(0, |at| at + 1)
+}
+
+/// Whether `row`, below the names of `header`, holds their units.
+fn are_units_below(header: &StringRecord, row: &StringRecord) -> bool {
+    let lacks_unit = |cell: &str| !is_frame(cell) && Named::new(cell, None).unit.is_none();
+    let are_units = row
+        .iter()
+        .all(|cell| !cell.starts_with(|c: char| c.is_ascii_digit()) && number(cell, Decimal::Comma).is_none());
+    // A name such as Axial_Force looks as if it had a unit.
+    let is_blank = |cell: &str| ["", "-"].contains(&cell);
+    let are_known = row.iter().all(|cell| is_blank(cell) || is_unit(cell)) && !row.iter().all(is_blank);
+    are_units && (header.iter().any(lacks_unit) || are_known)
+}
+
+fn has_name_and_unit(cell: &str) -> bool {
+    let named = Named::new(cell, None);
+    named.unit.is_some() && !named.base.is_empty()
+}
+
+/// The place of the header among the rows: the first of those with names of which the rows below it, units or not, are
+/// numbers. The first row of all where there is none such, or where it has units itself.
+fn header_at(rows: &[StringRecord]) -> usize {
+    let is_value = |cell: &str| {
+        cell.is_empty()
+            || evidence(cell) != Evidence::None
+            || number(cell, Decimal::Point).is_some()
+            || clock_time(cell).is_some()
+    };
+    let is_text = |row: &StringRecord| !row.iter().any(|cell| !cell.is_empty() && is_value(cell));
+    let has_units = |row: &StringRecord| {
+        let is_named = |cell: &str| is_frame(cell) || has_name_and_unit(cell);
+        row.iter().take(width(row)).all(is_named)
+    };
+    let below_is_data = |at: usize, header: &StringRecord| {
+        let is_data =
+            |row: &&StringRecord| row.iter().all(is_value) && row.len() >= width(header) && width(row) <= header.len();
+        let below = |skip: usize| rows.get(at + skip).filter(is_data).is_some();
+        // A line of names with units is a header itself, whatever stands above it.
+        let is_units = |row: &StringRecord| !has_units(row) && are_units_below(header, row);
+        below(1) || below(2) && rows.get(at + 1).is_some_and(is_units)
+    };
+    match rows.first() {
+        Some(first) if has_units(first) => 0,
+        _ => rows.iter().enumerate().position(|(at, row)| is_text(row) && below_is_data(at, row)).unwrap_or(0),
+    }
 }

@@ -10,6 +10,22 @@ fn converted(text: String) -> Remark {
     Remark::new(Code::LoadConverted, About::Load, text)
 }
 
+/// The file is no UTF-8 text.
+pub(super) fn encoding(name: &str) -> Remark {
+    converted(format!("the load file is read as {name}, not as UTF-8"))
+}
+
+/// Lines before the header, up to line `last`.
+pub(super) fn preamble(last: u64) -> Remark {
+    let lines = if last == 1 { "line 1 is".to_owned() } else { format!("lines 1 to {last} are") };
+    converted(format!("{lines} before the header of the load file and not read"))
+}
+
+/// A column whose numbers have marks between thousands, as in `cell`.
+pub(super) fn thousands(name: &str, cell: &str, value: f64) -> Remark {
+    converted(format!("{name}: a mark between thousands in the load file, {cell} is {value}"))
+}
+
 /// A column in another unit.
 pub(super) fn unit(name: &str, given: &str, factor: f64) -> Remark {
     converted(format!("{name}: {given} in the load file, times {factor}")).with("factor", factor)

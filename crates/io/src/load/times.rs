@@ -1,8 +1,10 @@
 //! A record joined with frames by time.
 
+use super::clock::{DAY, clock_time, days_of};
 use super::error::LoadError;
 use super::raw::{RawTable, Wanted};
 use super::remarks::{clock_times, outside};
+use super::source::Source;
 use super::{LoadColumn, LoadTable};
 use std::path::Path;
 
@@ -36,10 +38,14 @@ impl FrameTimes {
 
 /// The file of times `text`; `path` stands in messages. See [`read_frame_times`](super::read_frame_times).
 pub fn parse_frame_times(text: &str, path: &Path, n_frames: usize) -> Result<FrameTimes, LoadError> {
+    frame_times_of(&Source::of(text), path, n_frames)
+}
+
+pub(super) fn frame_times_of(source: &Source, path: &Path, n_frames: usize) -> Result<FrameTimes, LoadError> {
     const NAMES: [&str; 3] = ["time", "timestamp", "t"];
     // Beside the times a camera may write names and settings.
-    let table = match RawTable::parse(text, path, Wanted::Only(&NAMES)) {
-        Err(LoadError::Empty(_, "column of values")) => RawTable::parse(text, path, Wanted::All)?,
+    let table = match RawTable::parse(source, path, Wanted::Only(&NAMES)) {
+        Err(LoadError::Empty(_, "column of values")) => RawTable::parse(source, path, Wanted::All)?,
         table => table?,
     };
     if table.columns.len() > 1 {
@@ -82,7 +88,11 @@ impl Times {
             }),
             (_, false) => table.value(row, column),
         };
-        Ok(Self { seconds: (0..table.n_rows()).map(time).collect::<Result<_, _>>()?, clock })
+        let mut seconds: Vec<Option<f64>> = (0..table.n_rows()).map(time).collect::<Result<_, _>>()?;
+        if clock && !cells().any(|cell| days_of(cell).is_some()) {
+            pass_midnight(&mut seconds);
+        }
+        Ok(Self { seconds, clock })
     }
 }
 
@@ -150,58 +160,14 @@ fn at(rows: &[f64], cells: &[Option<f64>], time: f64) -> Option<f64> {
     Some(low + (high - low) * (time - from) / (to - from))
 }
 
-/// Seconds of a clock time, `10:31:05.20`, behind a day (`2024-05-07 10:31:05`, `07.05.2024`, T, Z) since 1970.
-fn clock_time(cell: &str) -> Option<f64> {
-    let cell = cell.trim().trim_end_matches('Z');
-    let (day, clock) = match cell.split_once([' ', 'T']) {
-        Some((day, clock)) => (days(day)?, clock.trim()),
-        None => (0.0, cell),
-    };
-    let parts: Vec<&str> = clock.split(':').collect();
-    let whole = |text: &str| text.parse::<u32>().ok().map(f64::from);
-    let (hours, minutes, seconds) = match parts.as_slice() {
-        [h, m] => (whole(h)?, whole(m)?, 0.0),
-        [h, m, s] => (whole(h)?, whole(m)?, s.replacen(',', ".", 1).parse::<f64>().ok()?),
-        _ => return None,
-    };
-    let fits = minutes < 60.0 && (0.0..61.0).contains(&seconds);
-    fits.then_some(86400.0 * day + 3600.0 * hours + 60.0 * minutes + seconds)
-}
-
-/// Days since 1970 of `2024-05-07`, `2024/05/07` or `07.05.2024`.
-fn days(text: &str) -> Option<f64> {
-    let parts: Vec<i64> = text.split(['-', '/', '.']).map(|part| part.parse().ok()).collect::<Option<_>>()?;
-    let [a, month, c] = parts.as_slice() else { return None };
-    // 05/07/2024 may be May or July: not guessed.
-    let (year, day) = match (*a > 31, text.contains('.')) {
-        (true, _) => (*a, *c),
-        (false, true) => (*c, *a),
-        _ => return None,
-    };
-    if !(1..=12).contains(month) || !(1..=31).contains(&day) || !(0..=9999).contains(&year) {
-        return None;
-    }
-    // Days from civil, counted from March so that the leap day is the last of its year.
-    let (y, m) = if *month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    let era = y.div_euclid(400);
-    let of_era = y - 400 * era;
-    let of_year = (153 * m + 2) / 5 + day - 1;
-    Some((146_097 * era + 365 * of_era + of_era / 4 - of_era / 100 + of_year - 719_468) as f64)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn clock_times_count_seconds_and_days() {
-        assert_eq!(clock_time("10:31:05.20"), Some(10.0 * 3600.0 + 31.0 * 60.0 + 5.2));
-        assert_eq!(clock_time("10:31:05,5"), Some(10.0 * 3600.0 + 31.0 * 60.0 + 5.5));
-        // date -u -d '2024-02-29 00:00:10' +%s
-        assert_eq!(clock_time("2024-02-29T00:00:10Z"), Some(1_709_164_810.0));
-        assert_eq!(clock_time("29.02.2024 00:00:10"), Some(1_709_164_810.0));
-        for text in ["12.5", "10:61:00", "05/07/2024 10:00", "10:00:00:00", "", "abc", "5316520459965841-05-07 10:31"] {
-            assert_eq!(clock_time(text), None, "{text}");
+/// Adds a day to the clock times behind midnight: where they fall by more than half a day.
+fn pass_midnight(seconds: &mut [Option<f64>]) {
+    let (mut day, mut last) = (0.0, f64::NEG_INFINITY);
+    for time in seconds.iter_mut().flatten() {
+        if *time + day < last - 0.5 * DAY {
+            day += DAY;
         }
+        *time += day;
+        last = *time;
     }
 }

@@ -2,7 +2,7 @@
 
 /// Units with what they are in N, mm, s and MPa: the name, its factor, and whether it is understood at the end of a
 /// name (`load_kN`), where a word such as `min` or `in` may be no unit.
-const KNOWN: [(&str, &str, f64, bool); 34] = [
+const KNOWN: [(&str, &str, f64, bool); 37] = [
     ("N", "N", 1.0, true),
     ("kN", "N", 1e3, true),
     ("KN", "N", 1e3, true),
@@ -25,6 +25,9 @@ const KNOWN: [(&str, &str, f64, bool); 34] = [
     ("Sec", "s", 1.0, false),
     ("seconds", "s", 1.0, false),
     ("ms", "s", 1e-3, true),
+    ("us", "s", 1e-6, false),
+    ("\u{b5}s", "s", 1e-6, true),
+    ("\u{3bc}s", "s", 1e-6, true),
     ("min", "s", 60.0, false),
     ("h", "s", 3600.0, false),
     ("MPa", "MPa", 1.0, true),
@@ -81,6 +84,11 @@ impl Named {
             None => self.base.clone(),
         }
     }
+}
+
+/// The unit of this name: what the program counts in, and its factor.
+pub(crate) fn unit_of(name: &str) -> Option<(&'static str, f64)> {
+    KNOWN.iter().find(|(known, ..)| *known == name).map(|(_, ours, factor, _)| (*ours, *factor))
 }
 
 /// Whether a cell holds a unit that is known.

@@ -19,7 +19,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, MeshFileFault> {
             ("Entities", Version::V41) => content.entities(&mut file)?,
             ("Nodes", Version::V41) => content.nodes_41(&mut file)?,
             ("Elements", Version::V41) => content.elements_41(&mut file)?,
-            ("Nodes", Version::V22) => content.nodes_22(&mut file)?,
+            ("Nodes" | "ParametricNodes", Version::V22) => content.nodes_22(&mut file)?,
             ("Elements", Version::V22) => content.elements_22(&mut file)?,
             _ => {} // what else a file may hold is not needed
         }
@@ -68,6 +68,10 @@ impl<'a> Msh<'a> {
 
     fn skip_blanks(&mut self) {
         self.at += self.rest().iter().take_while(|b| b.is_ascii_whitespace()).count();
+    }
+
+    fn skip_line(&mut self) {
+        self.at += self.rest().iter().take_while(|&&b| b != b'\n' && b != b'\r').count();
     }
 
     /// The next word of a text, and where it begins.
@@ -325,6 +329,7 @@ impl Content {
         for _ in 0..file.size("the number of nodes")? {
             let number = file.size("the number of a node")?;
             let at = file.position(0)?;
+            file.skip_line(); // places on the curve or surface, of $ParametricNodes
             self.nodes.push(FileNode { number, at });
         }
         Ok(())
@@ -395,7 +400,7 @@ impl Content {
             if names.len() == 3 {
                 corners[3] = corners[2];
             }
-            parsed.elements.push(FileElement { nodes: corners, group: group_of(group, &groups) });
+            parsed.elements.push(FileElement { number, nodes: corners, group: group_of(group, &groups) });
         }
         for (number, names, group) in lines {
             if let Some(name) = group_of(group, &curve_groups).and_then(|group| curve_names.get(&group)) {

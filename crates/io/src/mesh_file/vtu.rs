@@ -298,7 +298,7 @@ impl Vtu<'_> {
                 _ => {}
             }
             let group = groups.as_ref().and_then(|groups| groups.get(k)).copied();
-            parsed.elements.push(FileElement { nodes: corners, group });
+            parsed.elements.push(FileElement { number, nodes: corners, group });
         }
         // Zones of quadrille count from 0, their names from 1.
         if piece.zone.as_ref().is_some_and(|array| array.name == ZONES[0]) {

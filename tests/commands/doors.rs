@@ -1,0 +1,203 @@
+//! What a name, a file or a number may be taken for that its owner does not mean: read as meant, or asked.
+
+#![cfg(feature = "cli")]
+
+use crate::program;
+use program::{Desk, HEIGHT, INSIDE, WIDTH, assert_moved, moved, remarks};
+use quadrille::imaging::{Image, Levels, Pixels};
+use quadrille::remark::Code;
+use quadrille::synth::Translation;
+
+/// Largest error of a node on 8 bit images; see tests/commands/cli.rs.
+const ROUNDED: f64 = 0.02;
+
+/// A desk with these images, the k-th moved by a quarter of a pixel times k.
+fn desk_with(names: &[&str]) -> Desk {
+    let desk = Desk::new();
+    names.iter().enumerate().for_each(|(k, name)| desk.image(name, &moved([0.25 * k as f64, 0.0])));
+    desk
+}
+
+fn words(line: &str) -> Vec<&str> {
+    line.split_whitespace().collect()
+}
+
+#[test]
+fn loads_in_names_are_numbers_and_the_smallest_is_the_reference() {
+    let names = ["F=0kN.png", "F=0.25kN.png", "F=0.5kN.png", "F=1kN.png"];
+    let desk = desk_with(&names);
+    let ran = desk.run_words(&[&words("correlate --output out")[..], &words(INSIDE), &["F=*.png"]].concat()).fine();
+    assert!(ran.stderr.contains("reference F=0kN.png"), "{ran}");
+    let files: Vec<_> = ran.frames("out").iter().map(|frame| frame["file"].as_str().unwrap().to_owned()).collect();
+    assert_eq!(files, names[1..]);
+    assert_moved(&desk.rows("out/csv/000003.csv"), &Translation([0.75, 0.0]), ROUNDED);
+    let said = desk.remarks("out", Code::OrderOfNames);
+    assert!(said[0].text.contains("F=0kN.png, F=0.25kN.png, F=0.5kN.png"), "{said:?}");
+    // As a shell puts them.
+    let ran = desk.correlate("--output two F=0.25kN.png F=0.5kN.png F=0kN.png F=1kN.png");
+    assert!(ran.code == Some(2) && ran.stderr.contains("--reference F=0kN.png"), "{ran}");
+    // Names in plain order are no news.
+    let desk = desk_with(&["img_1.png", "img_2.png", "img_10.png"]);
+    desk.run_words(&[&words("correlate --output out")[..], &words(INSIDE), &["*.png"]].concat()).fine();
+    assert!(desk.remarks("out", Code::OrderOfNames).is_empty());
+}
+
+#[test]
+fn two_cameras_in_one_folder_are_named_with_the_pattern_of_each() {
+    let desk = desk_with(&["a_1_L.png", "a_1_R.png", "a_2_L.png", "a_2_R.png"]);
+    let ran = desk.run_words(&["correlate", "--output", "out", "*.png"]);
+    ran.refused(&["L and R", "quadrille correlate --output out-L 'a_*_L.png'", "--output out-R 'a_*_R.png'"]);
+    assert!(!desk.path("out").exists());
+    desk.run_words(&[&words("correlate --output out")[..], &words(INSIDE), &["a_*_L.png"]].concat()).fine();
+    // Numbers alone may be two images of each load.
+    let names = ["s_01_0.png", "s_01_1.png", "s_02_0.png", "s_02_1.png", "s_03_0.png", "s_03_1.png"];
+    let desk = desk_with(&names);
+    let ran = desk.run_words(&[&words("correlate --output out")[..], &words(INSIDE), &["*.png"]].concat()).fine();
+    assert!(ran.stderr.contains("warning: the names have _0 and _1 in turn"), "{ran}");
+    let said = &desk.remarks("out", Code::CamerasMixed)[0];
+    assert_eq!([&said.values["first"], &said.values["second"]], [&"s_*_0.png".into(), &"s_*_1.png".into()]);
+}
+
+/// The same picture with its pixels stored as the orientation tag of a TIFF page says.
+fn turned(image: &Image, orientation: u16) -> Vec<u8> {
+    use tiff::encoder::{TiffEncoder, colortype::Gray8};
+    use tiff::tags::Tag;
+    let (width, height) = (image.width(), image.height());
+    let at = |x: usize, y: usize| image.grey(x, y) as u8;
+    let (columns, rows, levels): (usize, usize, Vec<u8>) = match orientation {
+        3 => (width, height, (0..width * height).rev().map(|k| at(k % width, k / width)).collect()),
+        // The first stored row is the right side of the picture, the first stored column its top.
+        6 => (height, width, (0..width * height).map(|k| at(width - 1 - k / height, k % height)).collect()),
+        _ => (width, height, (0..width * height).map(|k| at(k % width, k / width)).collect()),
+    };
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let mut encoder = TiffEncoder::new(&mut bytes).unwrap();
+    let mut page = encoder.new_image::<Gray8>(columns as u32, rows as u32).unwrap();
+    page.encoder().write_tag(Tag::Orientation, orientation).unwrap();
+    page.write_data(&levels).unwrap();
+    bytes.into_inner()
+}
+
+#[test]
+fn images_of_a_camera_that_was_turned_are_measured_upright_and_it_is_said_once() {
+    let desk = Desk::new();
+    for (k, orientation) in [1, 3, 6, 6].into_iter().enumerate() {
+        desk.write(&format!("{k}.tif"), turned(&moved([0.25 * k as f64, 0.0]), orientation));
+    }
+    let ran = desk.correlate(&format!("{INSIDE} --output out 0.tif 1.tif 2.tif 3.tif")).fine();
+    for k in 1..4 {
+        assert_moved(&desk.rows(&format!("out/csv/{k:06}.csv")), &Translation([0.25 * k as f64, 0.0]), ROUNDED);
+    }
+    assert_eq!(ran.stderr.matches("turned by 90 degrees clockwise").count(), 1, "{ran}");
+    assert!(remarks(&ran.frames("out")[2], Code::ImageFile)[0].text.contains("orientation tag (6)"), "{ran}");
+    // One that does not fit upright is refused by its name, with the size that it is seen with.
+    let tall = Image::new(HEIGHT, WIDTH, Pixels::U8((0..WIDTH * HEIGHT).map(|k| (k % 251) as u8).collect())).unwrap();
+    desk.write("tall.tif", turned(&tall, 6));
+    let ran = desk.correlate(&format!("{INSIDE} --output two 0.tif 1.tif tall.tif")).incomplete();
+    let said = &remarks(&ran.frames("two")[1], Code::FrameUnreadable)[0].text;
+    assert!(said.contains(&format!("tall.tif: the image is {HEIGHT} x {WIDTH} px")), "{said}");
+}
+
+#[test]
+fn the_raw_mosaic_of_a_colour_camera_is_named_where_no_texture_is_found() {
+    let desk = Desk::new();
+    let mosaic = |u: f64| {
+        let image = moved([u, 0.0]);
+        let gain = |k: usize| [[0.62, 1.0], [1.0, 0.5]][k / WIDTH % 2][k % WIDTH % 2];
+        let Levels::U8(levels) = image.pixels() else { panic!("8 bit") };
+        let levels = levels.iter().enumerate().map(|(k, v)| (f64::from(*v) * gain(k)).round() as u8).collect();
+        Image::new(WIDTH, HEIGHT, Pixels::U8(levels)).unwrap()
+    };
+    desk.image("a.png", &mosaic(0.0));
+    desk.image("b.png", &mosaic(0.5));
+    let ran = desk.correlate(&format!("{INSIDE} --output out a.png b.png"));
+    // Refused for its noise, or measured with a warning: either way the cause is named.
+    assert!(ran.stderr.contains("the raw mosaic of a colour camera (Bayer)"), "{ran}");
+    let ran = desk.run("metrology a.png");
+    assert!(ran.stderr.contains("the raw mosaic of a colour camera (Bayer)"), "{ran}");
+}
+
+#[test]
+fn a_video_is_named_with_what_takes_it_apart_and_beside_images_it_is_left_out() {
+    let desk = Desk::with_series();
+    let avi = [&b"RIFF\x10\0\0\0AVI LIST"[..], &[0; 100]].concat();
+    desk.write("test.avi", &avi);
+    desk.write("film", &avi);
+    for line in ["test.avi", "ref.png test.avi", "--reference ref.png film", "film a.png b.png"] {
+        let ran = desk.correlate(&format!("{INSIDE} --output out {line}"));
+        assert!(ran.code != Some(0) && ran.stderr.contains("this is a video (AVI), not an image"), "{ran}");
+        assert!(ran.stderr.contains("ffmpeg -i "), "{ran}");
+        let _ = std::fs::remove_dir_all(desk.path("out"));
+    }
+    let ran = desk.correlate(&format!("{INSIDE} --output out ref.png a.png test.avi")).fine();
+    assert!(ran.stderr.contains("test.avi (a video (AVI)) is not an image and is left out"), "{ran}");
+    desk.write("a.npy", b"\x93NUMPY\x01\0v\0{'descr'");
+    let ran = desk.correlate("--output two a.npy b.png");
+    assert!(ran.stderr.contains("a.npy (an array of NumPy (npy)) is not an image") || ran.code == Some(2), "{ran}");
+}
+
+#[test]
+fn a_folder_stands_for_its_images_and_capital_letters_are_told() {
+    let desk = desk_with(&["s/1.png", "s/2.png", "s/10.png"]);
+    desk.write("s/notes.txt", "dry run");
+    let ran = desk.correlate(&format!("{INSIDE} --output out s")).fine();
+    assert_eq!(ran.statuses("out"), ["converged"; 2]);
+    assert!(ran.stderr.contains("reference s/1.png"), "{ran}");
+    desk.write("s/11.PNG", desk.bytes("s/10.png"));
+    let ran = desk.run_words(&[&words("correlate --output two")[..], &words(INSIDE), &["s/*.png"]].concat()).fine();
+    assert!(ran.stderr.contains("s/11.PNG is left out: only capital letters"), "{ran}");
+    desk.write("empty/notes.txt", "");
+    desk.correlate("--output no empty").refused(&["`empty` is a folder without images"]);
+}
+
+#[test]
+fn a_scale_that_no_image_has_is_refused() {
+    let desk = Desk::with_series();
+    for size in ["5e-324", "1e300", "0", "nan"] {
+        let ran = desk.correlate(&format!("{INSIDE} --pixel-size {size} --output out ref.png a.png"));
+        assert!(ran.code == Some(2) && ran.stderr.contains("size"), "{ran}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_or_a_device_is_refused_and_not_waited_for() {
+    let desk = Desk::with_series();
+    let made = std::process::Command::new("mkfifo").arg(desk.path("pipe.png")).status();
+    assert!(made.is_ok_and(|made| made.success()));
+    for pipe in ["pipe.png", "/dev/zero"] {
+        desk.correlate(&format!("--output out {pipe} a.png")).refused(&[pipe, "a pipe or a device"]);
+        desk.correlate(&format!("--case {pipe} --output out")).refused(&[pipe, "a pipe or a device"]);
+        desk.correlate(&format!("--mask {pipe} --output out ref.png a.png")).refused(&[pipe, "a pipe or a device"]);
+    }
+}
+
+#[test]
+fn a_machine_file_of_another_country_is_read_and_a_number_of_two_meanings_is_asked_for() {
+    let desk = Desk::with_series();
+    desk.correlate(&format!("{INSIDE} --output out ref.png a.png b.png c.png")).fine();
+    let probe =
+        |options: &str| desk.run(&format!("probe out --extensometer 30,60,100,60 --load machine.txt {options}"));
+    let loads = || {
+        let text = desk.read("out/quantities/extensometers.csv");
+        let mut rows =
+            text.lines().filter(|line| !line.starts_with('#')).map(|line| line.split(',').collect::<Vec<_>>());
+        let at = rows.next().unwrap().iter().position(|name| *name == "Kraft_N").unwrap();
+        rows.map(|row| row[at].parse::<f64>().unwrap()).collect::<Vec<_>>()
+    };
+    let preamble = "Pr\u{fc}fprogramm 4.1\nPr\u{fc}fer;NN\nZeit [s];Kraft [N]\n0,5;1.250\n1,0;2.500\n1,5;3.750\n";
+    let latin = preamble.chars().map(|c| c as u8).collect::<Vec<_>>();
+    desk.write("machine.txt", latin);
+    let ran = probe("").fine();
+    assert_eq!(loads(), [1250.0, 2500.0, 3750.0], "{ran}");
+    for said in ["Windows-1252", "lines 1 to 2 are before the header", "1.250 is 1250"] {
+        assert!(ran.stderr.replace("\n  ", " ").contains(said), "'{said}' is not said: {ran}");
+    }
+    desk.write("machine.txt", "Kraft [N];Weg [mm]\n1.250;2\n2.500;3\n3.750;4\n");
+    probe("").refused(&["machine.txt, line 2, column 'Kraft_N'", "'1.250' may be 1250 or 1.250", "--load-decimal"]);
+    probe("--load-decimal comma").fine();
+    assert_eq!(loads(), [1250.0, 2500.0, 3750.0]);
+    probe("--load-decimal point").fine();
+    assert_eq!(loads(), [1.25, 2.5, 3.75]);
+    probe("--load-decimal both").refused(&["'both' is no decimal mark"]);
+}
