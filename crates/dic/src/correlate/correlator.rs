@@ -90,6 +90,22 @@ pub struct Correlator<B: Backend> {
     pub(super) rounding: f64,
 }
 
+/// What is prepared for every level of a reference.
+fn kernel_of(reference: &Image, options: &Options, grey_offset: f32) -> Result<KernelOptions> {
+    let (low, high) = reference.range();
+    let range = f64::from(high) - f64::from(low);
+    // A reference without any has no texture, which is said for its nodes.
+    if range != 0.0 && !GREY_LEVELS.contains(&range) {
+        return Err(CorrelationError::GreyLevels(range));
+    }
+    if let Some(wanted) = options.noise.fault(f64::from(high)) {
+        let value = options.noise.to_string();
+        return Err(CorrelationError::Option { name: "the noise", value, wanted });
+    }
+    let kernel = KernelOptions::new((low, high), options.interpolation, options.brightness.of_sums());
+    Ok(KernelOptions { grey_offset, ..kernel })
+}
+
 /// Prepares the levels of an image of `size` px that are coarser than the one `laid`, from the finer to the coarser
 /// ones; returns them with the pixels of each zone on the coarsest level there is.
 fn coarse_levels<B: Backend>(
@@ -168,20 +184,7 @@ impl<B: Backend> Correlator<B> {
         options.check()?;
         let size = [reference.width(), reference.height()];
         let laid = PixelMesh::on_zones(zones, options.mesh_size(), options.element_share, size)?;
-        let (low, high) = reference.range();
-        let range = f64::from(high) - f64::from(low);
-        // A reference without any has no texture, which is said for its nodes.
-        if range != 0.0 && !GREY_LEVELS.contains(&range) {
-            return Err(CorrelationError::GreyLevels(range));
-        }
-        let kernel = KernelOptions {
-            grey_offset,
-            ..KernelOptions::new((low, high), options.interpolation, options.brightness.of_sums())
-        };
-        if let Some(wanted) = options.noise.fault(f64::from(high)) {
-            let value = options.noise.to_string();
-            return Err(CorrelationError::Option { name: "the noise", value, wanted });
-        }
+        let kernel = kernel_of(&reference, &options, grey_offset)?;
         let ((noise, fine), mut noise_gain) = rayon::join(
             || (AssumedNoise::of(&reference, &options), high_frequency(&reference, &laid.mesh)),
             || NoiseGain::new(options.interpolation, options.n_references),
@@ -189,11 +192,7 @@ impl<B: Backend> Correlator<B> {
         let smoothed = smooth_reference(&reference, &laid.pixels, &noise, options.interpolation);
         let (coarse_kernel, smoothed) = (kernel, smoothed.as_ref());
         let smoothing_px = smoothed.map_or(0.0, |smoothed| smoothed.width_px);
-        let kernel = smoothed.map_or(kernel, |smoothed| KernelOptions {
-            gradient_noise_gain: smoothed.gradient_noise_gain,
-            gradient_pattern_gain: smoothed.gradient_pattern_gain,
-            ..kernel
-        });
+        let kernel = smoothed.map_or(kernel, |smoothed| smoothed.kernel(kernel));
         noise_gain.gradient = kernel.gradient_noise_gain;
         let smoothed = smoothed.map(|smoothed| &smoothed.image);
         let rounding = rounding(&reference);
@@ -233,6 +232,8 @@ impl<B: Backend> Correlator<B> {
         let search_map = backend.grey_map(&mut frame, levels.len() - 1);
         let finest = &levels[0];
         let point_values = PointValuesOf::new(&options, &finest.mesh);
+        let (low, high) = reference.range();
+        let grey_range = f64::from(high - low);
         let image = reference;
         let reference = Reference {
             device: backend.device(),
@@ -250,7 +251,7 @@ impl<B: Backend> Correlator<B> {
             dropped,
             held,
             bare_borders,
-            grey_range: f64::from(high - low),
+            grey_range,
             smoothing_px,
         };
         Ok(Self {

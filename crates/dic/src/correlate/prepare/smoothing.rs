@@ -3,6 +3,7 @@
 //! is taken that leaves the smallest variance. The residual stays that of the images as they are, so that nothing
 //! that is measured is smoothed.
 
+use crate::backend::KernelOptions;
 use crate::correlate::AssumedNoise;
 use crate::imaging::{Image, Interpolation, Pixels};
 use crate::mesh::PixelMap;
@@ -29,6 +30,14 @@ pub(crate) struct Smoothed {
     pub gradient_noise_gain: f64,
     /// And to the mean product of the gradient and that of the image as it is.
     pub gradient_pattern_gain: f64,
+}
+
+impl Smoothed {
+    /// `kernel` for the gradient of this in place of the reference's own.
+    pub fn kernel(&self, kernel: KernelOptions) -> KernelOptions {
+        let &Self { gradient_noise_gain, gradient_pattern_gain, .. } = self;
+        KernelOptions { gradient_noise_gain, gradient_pattern_gain, ..kernel }
+    }
 }
 
 /// The variance of a displacement by its gradient `g`, that of the texture being `t`: `E[g^2] / E[g t]^2`.
@@ -79,7 +88,7 @@ pub(crate) fn smooth_reference(
         let factor = texture / (power - square * noise_gain);
         let variance = power / (texture * texture);
         let (noise_gain, pattern_gain) = (factor * factor * noise_gain, factor * pattern_gain);
-        (texture > 0.0 && factor > 0.0).then(|| Trial { width_px, variance, factor, noise_gain, pattern_gain, grey })
+        (texture > 0.0 && factor > 0.0).then_some(Trial { width_px, variance, factor, noise_gain, pattern_gain, grey })
     };
     let trials: Vec<Trial> = WIDTHS_PX.into_iter().filter_map(trial).collect();
     let least = trials.iter().map(|trial| trial.variance).fold(f64::INFINITY, f64::min);

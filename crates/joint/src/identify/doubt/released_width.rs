@@ -41,6 +41,9 @@ struct Unknown {
     gain: f64,
 }
 
+/// Takes a change of the rows as one more unknown, which of the constants is the same, and how well that is known.
+type Release<'a> = dyn Fn(&[Dense], &dyn Fn(&ConstantKind) -> bool, f64) -> Option<Unknown> + 'a;
+
 impl Unknown {
     fn contradicts(&self) -> bool {
         self.gain > ReleasedWidth::LIMIT && self.value.abs() > NORMAL_95 * self.allowed
@@ -132,7 +135,7 @@ impl Problem<'_> {
         by_width: &[Dense],
         width_mm: f64,
         effects: &[ConstantEffect],
-        release: &dyn Fn(&[Dense], &dyn Fn(&ConstantKind) -> bool, f64) -> Option<Unknown>,
+        release: &Release<'_>,
     ) -> Vec<LoadFault> {
         let instants = &self.observation.instants;
         let Some(row) = self.observation.force_row() else { return Vec::new() };
