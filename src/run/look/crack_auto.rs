@@ -58,18 +58,19 @@ pub(crate) fn move_drawn(
             Some(None) => {}
         }
     }
-    let Some(number) = Some(plan.deformed.len()).filter(|n| *n > 0 && !to_look.is_empty()) else {
+    if to_look.is_empty() || plan.deformed.is_empty() {
+        return Ok(Vec::new());
+    }
+    let device = plan.device(reference.width() * reference.height())?;
+    // What refuses the reference is said when the cut mesh is prepared.
+    let Ok(correlator) = prepare(&device, Arc::clone(reference), zones, plan.options.clone()) else {
         return Ok(Vec::new());
     };
-    let device = plan.device(reference.width() * reference.height())?;
     let mut said = Vec::new();
-    for number in numbers(number) {
+    for number in numbers(plan.deformed.len()) {
         let Some(frame) = plan.deformed.get(number - 1) else { continue };
         let Ok(loaded) = frame.read(plan.accepted.of_size(reference.width(), reference.height())) else { continue };
         let image = Arc::new(loaded.image);
-        let correlator = prepare(&device, Arc::clone(reference), zones, plan.options.clone());
-        // What refuses the reference is said when the cut mesh is prepared.
-        let Ok(correlator) = correlator else { break };
         let field = correlator.upload(Arc::clone(&image)).and_then(|image| correlator.correlate_uploaded(image, None));
         let Some(field) = field.ok().map(|found| found.measurement).filter(|field| field.status.has_field()) else {
             continue;
