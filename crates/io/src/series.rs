@@ -48,9 +48,9 @@ fn place(pattern: &str, folder: &Path) -> String {
 ///
 /// An entry is a file name or a glob (`*`, `?`, `[..]`, `**`), relative to `base` unless absolute. A name that exists
 /// is taken literally, also with spaces or brackets in it. The files of one glob are in the order of the numbers in their
-/// names ([`NameOrder`]: `img_2` before `img_10`), the entries in the order given; a file named twice is kept once, at its first place. A plain name that
-/// does not exist is kept: what it means is for the reader of the series to say. A folder stands for the images in it,
-/// by the endings of their names. Globs do not match hidden files.
+/// names ([`NameOrder`]: `img_2` before `img_10`), the entries in the order given; a file named twice is kept once, at
+/// its first place. A plain name that does not exist is kept: what it means is for the reader of the series to say. A
+/// folder stands for the images in it, by the endings of their names. Globs do not match hidden files.
 ///
 /// ```
 /// # use quadrille_io as quadrille;

@@ -2,7 +2,7 @@
 
 use crate::cli::args::MetrologyArgs;
 use crate::cli::measure::gauges;
-use crate::cli::talk::wrapped;
+use crate::cli::talk::{WARNING, wrapped};
 use crate::cli::{Outcome, Result, absolute, file_name, plural};
 use crate::imaging::{Image, OddLevels};
 use crate::io::images::{Loaded, read_image};
@@ -68,7 +68,7 @@ pub(crate) fn run(args: &MetrologyArgs) -> Result<Outcome> {
     let metrology = match (pool.install(|| measure(&loaded, &stills, &options)), odd) {
         (Err(MetrologyError::OnlyNoise(_)), Some(odd)) => return Err(odd.into()),
         (measured, odd) => {
-            odd.iter().for_each(|odd| eprintln!("warning: {odd}"));
+            odd.iter().for_each(|odd| eprintln!("{WARNING}{odd}"));
             measured?
         }
     };

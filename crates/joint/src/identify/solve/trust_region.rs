@@ -44,8 +44,8 @@ pub struct TrustRegionOptions {
     /// Largest radius.
     pub max_radius: f64,
     /// Share of the objective by which ten evaluations together have to lower it, else the fit has converged too; with
-    /// 0 a fit that stands still has converged only where nothing is left to gain. Far below what noise makes of the objective it ends a fit that creeps along a direction of which
-    /// the data say nothing, or that lies on a kink of the law.
+    /// 0 a fit that stands still has converged only where nothing is left to gain. Far below what noise makes of the
+    /// objective it ends a fit that creeps along a direction of which the data say nothing, or that lies on a kink.
     pub standstill: f64,
 }
 
