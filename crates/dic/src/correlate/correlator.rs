@@ -186,7 +186,10 @@ impl<B: Backend> Correlator<B> {
         let laid = PixelMesh::on_zones(zones, options.mesh_size(), options.element_share, size)?;
         let kernel = kernel_of(&reference, &options, grey_offset)?;
         let ((noise, fine), mut noise_gain) = rayon::join(
-            || (AssumedNoise::of(&reference, &options), high_frequency(&reference, &laid.mesh)),
+            || {
+                let zones = &laid.zone_pixels;
+                (AssumedNoise::of(&reference, zones, &options), high_frequency(&reference, zones))
+            },
             || NoiseGain::new(options.interpolation, options.n_references),
         );
         let smoothed = smooth_reference(&reference, &laid.pixels, &noise, options.interpolation);

@@ -10,7 +10,7 @@ use crate::backend::cpu::CpuBackend;
 use crate::correlate::{Correlator, Options as CorrelateOptions, assumed_noise};
 use crate::field::{Measurement, Status};
 use crate::imaging::{Image, Interpolation, Levels};
-use crate::mesh::shape_functions;
+use crate::mesh::{PixelSet, shape_functions};
 use crate::units::Px;
 use serde::Serialize;
 use std::sync::Arc;
@@ -109,7 +109,8 @@ pub(super) fn noise(
 ) -> Result<Noise, MetrologyError> {
     let part = region.cut(reference);
     let ceiling_grey = WavePicture::noise_ceiling(&part);
-    let assumed_by_correlate_grey = assumed_noise(&part);
+    let assumed_by_correlate_grey =
+        assumed_noise(&part, &[PixelSet::Box { x0: 0, y0: 0, x1: part.width(), y1: part.height() }]);
     let alone = |sigma_grey, origin| Noise {
         sigma_grey,
         origin,

@@ -6,7 +6,7 @@ use crate::correlate::{Options, assumed_noise};
 use crate::field::Brightness;
 use crate::imaging::Image;
 use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, alike, upper};
-use crate::mesh::{Mesh, mean_products};
+use crate::mesh::{Mesh, PixelSet, mean_products};
 use crate::units::Px;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -35,12 +35,12 @@ impl AssumedNoise {
     /// The noise that is stated for one image, or what the reference looks like.
     ///
     /// Steps are made with the least that either says: too little is slow, and too much is worse.
-    pub fn of(reference: &Image, options: &Options) -> Self {
+    pub fn of(reference: &Image, zones: &[PixelSet], options: &Options) -> Self {
         let stated = options.noise.constant();
         let of_mean = |noise: f64| noise / (options.n_references.max(1) as f64).sqrt();
         let in_image = fine_content(reference);
         Self {
-            of_check: stated.unwrap_or_else(|| assumed_noise(reference)),
+            of_check: stated.unwrap_or_else(|| assumed_noise(reference, zones)),
             is_stated: stated.is_some(),
             of_reference: in_image.min(stated.map_or(f64::INFINITY, of_mean)),
             in_image,

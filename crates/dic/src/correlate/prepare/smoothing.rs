@@ -324,10 +324,10 @@ mod tests {
             Image::new(SIDE, SIDE, Pixels::F32(clean.iter().enumerate().map(grey).collect())).unwrap()
         };
         let zone = Zone::rectangle("all", Roi { x0: 16.0, y0: 16.0, x1: 240.0, y1: 240.0 });
-        let pixels = PixelMesh::on_zones(&[zone], 16, 0.5, [SIDE, SIDE]).unwrap().pixels;
+        let PixelMesh { pixels, zone_pixels, .. } = PixelMesh::on_zones(&[zone], 16, 0.5, [SIDE, SIDE]).unwrap();
         let options = Options::default();
-        let smoothed =
-            |image: &Image| smooth_reference(image, &pixels, &AssumedNoise::of(image, &options), options.interpolation);
+        let noise = |image: &Image| AssumedNoise::of(image, &zone_pixels, &options);
+        let smoothed = |image: &Image| smooth_reference(image, &pixels, &noise(image), options.interpolation);
         assert!(smoothed(&image(2.0)).is_none());
         let noisy = image(14.0);
         let found = smoothed(&noisy).expect("a third of the contrast");
