@@ -4,7 +4,7 @@ use crate::cli::args::MetrologyArgs;
 use crate::cli::measure::gauges;
 use crate::cli::talk::{WARNING, wrapped};
 use crate::cli::{Outcome, Result, absolute, file_name, plural};
-use crate::imaging::{Image, OddLevels};
+use crate::imaging::{Image, OddLevels, Specimen};
 use crate::io::images::{Loaded, read_image};
 use crate::io::series::expand_series;
 use crate::mesh::Roi;
@@ -43,7 +43,7 @@ const UNITS: &str = "_px: pixels; _px2: square pixels; _grey: grey levels in the
 pub(crate) fn run(args: &MetrologyArgs) -> Result<Outcome> {
     args.drawn.choose();
     let begin = Instant::now();
-    let options = options(args)?;
+    let mut options = options(args)?;
     let pool = args.threads.pool()?;
     let folder = args.output.as_deref().map(|path| RunFolder::open(path, true)).transpose()?;
     let page = args.page.unwrap_or(0) as usize;
@@ -64,6 +64,13 @@ pub(crate) fn run(args: &MetrologyArgs) -> Result<Outcome> {
         loaded.pixels().depth(),
         plural(stills.len(), "static image")
     );
+    if options.roi.is_none() {
+        options.roi = pool.install(|| find_zone(&loaded));
+        let found = options.roi.map(|Roi { x0, y0, x1, y1 }| format!("{x0},{y0},{x1},{y1}"));
+        found
+            .iter()
+            .for_each(|roi| eprintln!("looks where the specimen is found, in its largest rectangle: --roi {roi}"));
+    }
     let odd = OddLevels::of(&loaded).map(|odd| format!("{}: {odd}", args.reference.display()));
     let metrology = match (pool.install(|| measure(&loaded, &stills, &options)), odd) {
         (Err(MetrologyError::OnlyNoise(_)), Some(odd)) => return Err(odd.into()),
@@ -82,7 +89,7 @@ pub(crate) fn run(args: &MetrologyArgs) -> Result<Outcome> {
         options: json!({
             "element_sizes_px": metrology.sizes.iter().map(|result| result.element_size_px).collect::<Vec<_>>(),
             "strain_windows": windows_of(&metrology),
-            "roi_px": args.roi,
+            "roi_px": options.roi.map(|Roi { x0, y0, x1, y1 }| [x0, y0, x1, y1]),
             "page": page,
             "noise_grey": args.noise,
             "interpolation": options.interpolation.name(),
@@ -110,6 +117,17 @@ pub(crate) fn run(args: &MetrologyArgs) -> Result<Outcome> {
     }
     eprintln!("{seconds:.1} s");
     Ok(Outcome::Fine)
+}
+
+/// The largest rectangle of the specimen that `correlate` would find, where that is not all of the image.
+fn find_zone(image: &Image) -> Option<Roi> {
+    /// Less than this share of the image is left out along its border.
+    const ALL: f64 = 0.9;
+    let specimen = Specimen::find(image, 16, 8);
+    let part = specimen.parts.first().filter(|_| specimen.share(image) < ALL)?;
+    let [x0, y0, x1, y1] = part.largest_rectangle();
+    let is_large = (x1 - x0).min(y1 - y0) >= 4 * 16;
+    is_large.then(|| Roi { x0: x0 as f64, y0: y0 as f64, x1: x1 as f64, y1: y1 as f64 })
 }
 
 fn options(args: &MetrologyArgs) -> Result<Options> {

@@ -53,6 +53,34 @@ impl SpecimenPart {
 }
 
 impl SpecimenPart {
+    /// The largest rectangle `[x0, y0, x1, y1]` in it, to cells of 4 px or a 256th of its length.
+    pub fn largest_rectangle(&self) -> [usize; 4] {
+        let [x0, y0, x1, y1] = self.bounds;
+        let cell = CELL.max((x1 - x0).max(y1 - y0) / 256);
+        let columns = (x1 - x0) / cell;
+        let is_in = |column: usize, y: usize| {
+            let x = x0 + column * cell;
+            (y..y + cell).all(|y| (x..x + cell).all(|x| self.contains(x, y)))
+        };
+        // Cells that hang on each column from above, and the largest rectangle that ends in this row.
+        let (mut hanging, mut best) = (vec![0usize; columns], [0usize; 4]);
+        let area = |[x0, y0, x1, y1]: [usize; 4]| (x1 - x0) * (y1 - y0);
+        for y in (y0..=y1.saturating_sub(cell)).step_by(cell) {
+            hanging.iter_mut().enumerate().for_each(|(column, n)| *n = if is_in(column, y) { *n + 1 } else { 0 });
+            for first in 0..columns {
+                let mut least = usize::MAX;
+                for (last, &n) in hanging.iter().enumerate().skip(first).take_while(|(_, n)| **n > 0) {
+                    least = least.min(n);
+                    let found = [x0 + first * cell, y + cell - least * cell, x0 + (last + 1) * cell, y + cell];
+                    best = if area(found) > area(best) { found } else { best };
+                }
+            }
+        }
+        best
+    }
+}
+
+impl SpecimenPart {
     /// The same in an image of twice as many columns and rows.
     fn doubled(self) -> Self {
         let [x0, y0, x1, y1] = self.bounds;
