@@ -59,11 +59,12 @@ class Judge:
     def row(self, name, cells):
         print(f"{name:34} " + " ".join(f"{cell:>9}" for cell in cells), flush=True)
 
-    def scene(self, name, texture, bodies, frames, noise=2.0, pattern=0.0, options=(), near=0.0, parted=False):
+    def scene(self, name, texture, bodies, frames, noise=2.0, pattern=0.0, hot=0.0, options=(), near=0.0, parted=False):
         """Correlates frames 1 to `frames` of bodies(k) and judges them; gives the folder of the run and its summary. Nodes on
-        the line where bodies have `parted` belong to either."""
+        the line where bodies have `parted` belong to either; a share of `hot` pixels is brighter by 60 to 120."""
         dots, random = Texture(texture, 7), np.random.default_rng(sum(map(ord, name)))
         own = pattern * random.standard_normal((SIDE, SIDE))
+        own += (random.random((SIDE, SIDE)) < hot) * random.uniform(60, 120, (SIDE, SIDE))
         folder = self.folder / name.replace(" ", "-").replace(",", "")
         folder.mkdir()
         paths = [folder / f"{k:02}.pgm" for k in range(frames + 1)]
@@ -167,7 +168,9 @@ def main():
     judge.row("scene", ["exit", "measured", "bad", "rms", "it."])
     if on("ground"):
         judge.scene("ground still, steps of 15 px", "soft", body_before_ground(15.0), 2)
-        judge.scene("ground still, steps of 0.8 px", "soft", body_before_ground(0.8), 14)
+        _, summary = judge.scene("ground still, steps of 0.8 px", "soft", body_before_ground(0.8), 14)
+        means = [zone["name"] for zone in ((summary or {}).get("frames") or [{}])[-1].get("zones", [])]
+        judge.hold(means == ["specimen", "still"], "ground", f"the zones are {means}")
     if on("broken"):
         for size in (16, 20, 24, 32):
             judge.scene(f"broken, {size} px", "soft", apart(17.5), 1, options=["--element-size", size], parted=True)
@@ -182,6 +185,9 @@ def main():
             said = [remark for remark in (summary or {}).get("remarks", []) if remark["code"] == "fixed-pattern"]
             found = [value for remark in said for key, value in remark["values"].items() if "grey" in key]
             judge.hold(found and abs(found[0] / size - 1) < 0.3, name, f"its size is {found}")
+    if on("hot"):
+        _, summary = judge.scene("hot pixels", "soft", lambda k: [move((0.37 * k, 0.2 * k))], 4, hot=0.002, near=50)
+        judge.hold((summary or {}).get("hot_pixels", 0) > 350, "hot pixels", "they are not named")
     if on("crack"):
         for opening in (2.0, 9.0):
             for off in (0, 2, 4, 6, 8):

@@ -44,6 +44,9 @@ pub struct Summary {
     /// Standard deviation of the Gaussian by which a noisy reference is smoothed for its gradient, absent where it is not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gradient_smoothing_px: Option<f64>,
+    /// Pixels of the zones that stand alone in the reference, as hot ones do, and are mended; absent without any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hot_pixels: Option<usize>,
     /// Decoded reference to factorised matrix, pyramid and uncertainty of all nodes, seconds.
     pub seconds_reference: f64,
     /// The whole run so far, files included, seconds.
@@ -400,6 +403,15 @@ pub(crate) fn worst_misfit(frames: &[FrameSummary]) -> Option<(usize, Misfit)> {
     with.max_by(|(_, a), (_, b)| a.percent.total_cmp(&b.percent).then(a.displacement.total_cmp(&b.displacement)))
 }
 
+/// Name of the zone of what stays still while the specimen moves: it has no part in the motion of a frame.
+pub const STILL: &str = "still";
+
+fn rigid_of(result: &Correlation) -> Option<RigidMotion> {
+    let any_still = result.zones.iter().any(|zone| zone.name == STILL);
+    let moving = result.zones.iter().find(|zone| zone.name != STILL).filter(|_| any_still);
+    moving.map_or(result.rigid, |zone| zone.rigid)
+}
+
 impl FrameSummary {
     /// A frame that gave no field, because of `why`.
     pub fn unreadable(number: usize, file: String, why: String, seconds_decode: f64) -> Self {
@@ -486,7 +498,7 @@ impl FrameSummary {
             correction_at_px: Some(result.correction_at),
             residual_grey: finite(result.residual_rms),
             residual_percent: finite(result.residual_percent),
-            rigid_motion: result.rigid.map(Into::into),
+            rigid_motion: rigid_of(result).map(Into::into),
             zones: zones.collect(),
             nodes_measured,
             measured_percent: field.map(|_| 100.0 * nodes_measured as f64 / with_texture.max(1) as f64),

@@ -4,7 +4,7 @@
 use crate::common::scenes::{SPOT_PX, Spots, photographed};
 use crate::common::{cold, data, mean, prepared, rms, zone};
 use crate::program::{Desk, remarks};
-use quadrille::correlate::{CorrelationError, Options, ReferenceChain, Tracker};
+use quadrille::correlate::{CorrelationError, Options, ReferenceChain, StillGround, Tracker};
 use quadrille::field::{ElementMark, Status, UpdateReference};
 use quadrille::imaging::{Image, Pixels, Specimen};
 use quadrille::io::images::read_image;
@@ -106,6 +106,50 @@ fn a_body_before_a_still_ground_of_the_same_zone_is_found_with_large_steps_and_w
         }
         println!("steps of {step:?} px: {} iterations a frame", iterations / frames);
         assert!(iterations <= 20 * frames, "{step:?}: {iterations}");
+    }
+}
+
+#[test]
+fn what_stays_still_is_told_from_the_body_before_it_and_from_the_clamped_end_of_a_specimen() {
+    let (body, ground) = (Spots::new(5, SIDE, SPOT_PX), Spots::new(77, SIDE, SPOT_PX));
+    const PLACE: [f64; 4] = [90.0, 70.0, 220.0, 230.0];
+    let before_ground = |u: f64, seed: u64| {
+        photographed(SIDE, 1.5, seed, |y| {
+            let x = [y[0] - u, y[1]];
+            let is_body = (PLACE[0]..PLACE[2]).contains(&x[0]) && (PLACE[1]..PLACE[3]).contains(&x[1]);
+            if is_body { body.grey(x) } else { ground.grey(y) }
+        })
+    };
+    // Still up to the middle, then stretched by 3 %.
+    let clamped = |stretch: f64, seed: u64| {
+        photographed(SIDE, 1.5, seed, |y| body.grey([y[0], y[1] - (y[1] - 160.0).max(0.0) * stretch / (1.0 + stretch)]))
+    };
+    let zones = vec![zone("all", [20.0, 20.0, 308.0, 308.0])];
+    let find = |pair: [Arc<Image>; 2]| {
+        let [reference, deformed] = pair;
+        let correlator = prepared(&reference, &zones, Options::default());
+        let field = cold(&correlator, &deformed).measurement;
+        (StillGround::find(&field, [&reference, &deformed]), correlator.mesh().clone())
+    };
+    assert_eq!(find([clamped(0.0, 1), clamped(0.03, 2)]).0, None);
+    assert_eq!(find([before_ground(0.0, 1), before_ground(1.2, 2)]).0, None, "too close to be told apart");
+    for u in [2.4, 12.0] {
+        let (found, mesh) = find([before_ground(0.0, 1), before_ground(u, 2)]);
+        let StillGround { still, between } = found.expect("a body and its ground");
+        for element in 0..mesh.n_elements() {
+            let corners = mesh.corners(element);
+            // Share of it over which the body lies or has gone, and over which it lies in both images.
+            let along =
+                |low: f64, high: f64, c: usize| (corners[2][c].min(high) - corners[0][c].max(low)).max(0.0) / 16.0;
+            let over = |low: f64, high: f64| along(low, high, 0) * along(PLACE[1], PLACE[3], 1);
+            let (swept, inside) = (over(PLACE[0], PLACE[2] + u), over(PLACE[0], PLACE[2]));
+            assert!(inside < 1.0 || !still[element], "{u}: {corners:?} of the body");
+            assert!(swept > 0.0 || still[element] || between[element], "{u}: {corners:?} of the ground");
+            assert!(swept < 0.25 || !still[element], "{u}: {corners:?} is hardly of the ground");
+        }
+        let n = |list: &[bool]| list.iter().filter(|is| **is).count();
+        // 80 elements lie inside the body, 190 outside; 52 along its edge belong to neither.
+        assert!(n(&still) > 150 && n(&between) < 80, "{u}: {} still, {} between", n(&still), n(&between));
     }
 }
 

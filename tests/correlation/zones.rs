@@ -128,6 +128,10 @@ fn the_specimen_is_found_without_its_hole_the_ground_the_glare_and_what_lies_apa
         let [dx, dy] = [x as f64 - HOLE.0[0], y as f64 - HOLE.0[1]];
         assert!(dx.hypot(dy) > HOLE.1 - 4.0 && (44..276).contains(&y), "({x}, {y})");
     }
+    // Its largest rectangle is what lies left of the hole, right of it or below both: 80 rows, 330 columns and more.
+    let [x0, y0, x1, y1] = part.largest_rectangle();
+    assert!((y0..y1).all(|y| (x0..x1).all(|x| part.contains(x, y))), "{:?}", [x0, y0, x1, y1]);
+    assert!((x1 - x0) * (y1 - y0) > 70 * 330, "{:?}", [x0, y0, x1, y1]);
     let left_out = found.left_out;
     // 70 x 70 px of 400 x 320, within a window; the ground and the hole; the island.
     assert!((left_out.saturated - 0.038).abs() < 0.012, "{left_out:?}");
@@ -138,6 +142,21 @@ fn the_specimen_is_found_without_its_hole_the_ground_the_glare_and_what_lies_apa
         + left_out.apart
         + left_out.border;
     assert!((all - 1.0).abs() < 1e-9, "{all}");
+}
+
+#[test]
+fn metrology_looks_at_the_zone_that_a_correlation_would_find() {
+    let desk = Desk::new();
+    desk.image("ref.png", &strip_with_a_hole([0.0; 2], 1));
+    let ran = desk.run("metrology ref.png --element-sizes 16 --output found");
+    assert_eq!(ran.code, Some(0), "{ran}");
+    let found = desk.json("found/metrology.json");
+    let roi: Vec<String> = found["options"]["roi_px"].as_array().unwrap().iter().map(ToString::to_string).collect();
+    let ran = desk.run(&format!("metrology ref.png --element-sizes 16 --output named --roi {}", roi.join(",")));
+    assert_eq!(ran.code, Some(0), "{ran}");
+    assert_eq!(found["texture"], desk.json("named/metrology.json")["texture"]);
+    // Hole, ground and glare have no texture: nothing of them is in it.
+    assert_eq!(found["sizes"][0]["refused_percent"], 0.0);
 }
 
 #[test]
@@ -228,6 +247,35 @@ fn the_program_finds_the_zone_writes_it_down_and_has_it_again_without_a_search()
         desk.correlate(&line);
     }
     assert_eq!(desk.rows("shards/csv/000001.csv"), rows);
+}
+
+#[test]
+fn a_ground_that_stays_still_behind_the_specimen_becomes_a_zone_of_its_own() {
+    let desk = Desk::new();
+    let ground = discs(WIDTH, HEIGHT, 2.5, 0.6, [0.0; 2], 5);
+    let image = |u: usize, seed: u64| {
+        let body = discs(WIDTH, HEIGHT, 2.5, 0.6, [u as f64, 0.0], 6);
+        let is_body = |x: usize, y: usize| (100 + u..260 + u).contains(&x) && (90..230).contains(&y);
+        shot(WIDTH, HEIGHT, |x, y| if is_body(x, y) { body[y * WIDTH + x] } else { ground[y * WIDTH + x] }, 1.5, seed)
+    };
+    (0..4).for_each(|k| desk.image(&format!("shots/{k}.png"), &image(3 * k, 40 + k as u64)));
+    let ran = desk.correlate("--output out shots/*.png").fine();
+    assert!(ran.stderr.contains("what stays still while the rest moves is the zone 'still'"), "{ran}");
+    let frame = &desk.json("out/summary.json")["frames"][2];
+    let motion = |of: &serde_json::Value| of["rigid_motion"]["translation_px"].clone();
+    let of_zone = |k: usize| (frame["zones"][k]["name"].as_str().unwrap(), motion(&frame["zones"][k]));
+    let ((specimen, moved), (still, rest)) = (of_zone(0), of_zone(1));
+    assert_eq!([specimen, still], ["specimen", "still"]);
+    // 50 nodes of some 0.02 px and 250.
+    let off = |of: &serde_json::Value, u: f64| (of[0].as_f64().unwrap() - u).hypot(of[1].as_f64().unwrap());
+    assert!(off(&moved, 9.0) < 0.03 && off(&rest, 0.0) < 0.02, "{moved} {rest}");
+    assert_eq!(motion(frame), moved, "what is still has no part in the motion of a frame");
+    // The same command goes on, and the record has the zones.
+    let again = desk.correlate("--output out shots/*.png").fine();
+    assert!(again.stderr.contains("nothing is missing"), "{again}");
+    let from_record = desk.correlate("--output rerun --case out/run.toml").fine();
+    assert!(!from_record.stderr.contains("zone found"), "{from_record}");
+    assert_eq!(desk.rows("rerun/csv/000003.csv"), desk.rows("out/csv/000003.csv"));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 pub(crate) mod crack_auto;
 pub(crate) mod explore;
 pub(crate) mod fit_of_run;
+pub(crate) mod ground;
 pub(crate) mod page;
 pub(crate) mod quantities;
 pub(crate) mod report;

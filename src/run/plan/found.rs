@@ -1,10 +1,11 @@
 //! The zones of a run that names none: where the specimen is in the reference.
 
-use crate::correlate::Reference;
+use crate::correlate::{Reference, StillGround};
 use crate::imaging::{Image, LeftOut, OddLevels, Pixels, Specimen, SpecimenPart};
 use crate::io::case::{CaseGuard, CaseZone};
 use crate::io::images::{png_bytes, sha256};
 use crate::mesh::{Guard, Mask, Mesh, MeshError, Roi, Zone};
+use crate::report::summary::STILL;
 use crate::report::{Backdrop, MeshOptions, mesh_figure};
 use crate::run::folder::FIGURES;
 use crate::run::plan::Plan;
@@ -19,13 +20,15 @@ const GUARD_PX: f64 = 3.0;
 const MASK: &str = "zone";
 const PICTURE: &str = "mesh.png";
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Found {
     pub zones: Vec<Zone>,
     /// The same as a case file has them, so that a run of `run.toml` has them without a search.
     pub cases: Vec<CaseZone>,
     /// Their masks, where they are no rectangles: name and content of each file.
     masks: Vec<(PathBuf, Vec<u8>)>,
+    /// The pixels of each zone.
+    parts: Vec<SpecimenPart>,
     /// What was found and what was left out, on one line.
     pub note: String,
 }
@@ -34,8 +37,8 @@ impl Found {
     /// Looks for the specimen in `reference`; its masks will lie in `folder`, or nowhere when that is empty. A `guard`
     /// that was asked for stands for the usual one.
     pub fn on(reference: &Image, plan: &Plan, folder: &Path) -> Result<Self> {
-        let Plan { options, guard_px: guard, .. } = plan;
-        let (size, guard) = (options.element_size, *guard);
+        let options = &plan.options;
+        let size = options.element_size;
         let (width, height) = (reference.width(), reference.height());
         if !(4..=128).contains(&size) {
             return Err(RunError::Reference(MeshError::ElementSize { size }.to_string()));
@@ -45,9 +48,7 @@ impl Found {
             let error = MeshError::TooSmall { zone, width, height, size };
             return Err(RunError::Reference(format!("{}: {error}", plan.reference_name())));
         }
-        // What leaves the image is counted out; half an element keeps that away from the outermost nodes for small
-        // motion.
-        let margin = (size / 2).min(width.min(height) / 16);
+        let margin = margin_of(reference, size);
         let specimen = Specimen::find(reference, size, margin);
         let holds_of = |part: &SpecimenPart, size: usize| holds_element(part, size, options.element_share);
         let parts: Vec<&SpecimenPart> = specimen.parts.iter().filter(|part| holds_of(part, size)).collect();
@@ -68,21 +69,6 @@ impl Found {
                 plan.reference_name()
             )));
         }
-        let mut found = Self { zones: Vec::new(), cases: Vec::new(), masks: Vec::new(), note: String::new() };
-        for (at, part) in parts.iter().enumerate() {
-            let name = if parts.len() == 1 { "specimen".to_owned() } else { format!("specimen{}", at + 1) };
-            let [x0, y0, x1, y1] = part.bounds;
-            let (left, right) = whole_elements(x0, x1, width, size, margin);
-            let (top, bottom) = whole_elements(y0, y1, height, size, margin);
-            let roi = [left, top, right, bottom];
-            match &part.bits {
-                None => {
-                    let at_margin = [x0 == margin, y0 == margin, x1 + margin == width, y1 + margin == height];
-                    found.rectangle(name, roi, at_margin, guard);
-                }
-                Some(_) => found.mask(name, part, reference, roi, guard, folder)?,
-            }
-        }
         let percent = |part: &&SpecimenPart| format!("{:.0} %", 100.0 * part.n_pixels as f64 / (width * height) as f64);
         let shares: Vec<String> = parts.iter().map(percent).collect();
         let which = if let [share] = shares.as_slice() {
@@ -90,11 +76,65 @@ impl Found {
         } else {
             format!("{} zones found: {}", shares.len(), shares.join(", "))
         };
-        found.note = format!("{which} of the image; left out: {}", in_words(specimen.left_out));
+        let mut note = format!("{which} of the image; left out: {}", in_words(specimen.left_out));
         if !folder.as_os_str().is_empty() {
-            found.note.push_str(&format!(" (drawn in {})", folder.join(FIGURES).join(PICTURE).display()));
+            note.push_str(&format!(" (drawn in {})", folder.join(FIGURES).join(PICTURE).display()));
         }
-        Ok(found)
+        let parts = parts.into_iter().cloned().collect();
+        Self { note, ..Self::default() }.lay(parts, None, reference, plan, folder)
+    }
+
+    /// The same with what stays still while the rest moves as a zone of its own, by the elements of `mesh`, the mesh on
+    /// these zones.
+    pub fn part(
+        &self,
+        ground: &StillGround,
+        mesh: &Mesh<Px>,
+        image: &Image,
+        plan: &Plan,
+        folder: &Path,
+    ) -> Result<Self> {
+        let StillGround { still, between } = ground;
+        let of_zones = |belongs: &dyn Fn(usize) -> bool| -> Vec<SpecimenPart> {
+            let of_zone = |(zone, part): (usize, &SpecimenPart)| {
+                part_on(part, mesh, &mesh.zone_elements(zone).filter(|&element| belongs(element)).collect::<Vec<_>>())
+            };
+            self.parts.iter().enumerate().filter_map(of_zone).collect()
+        };
+        let bodies = of_zones(&|element| !still[element] && !between[element]);
+        let note = format!("{}; what stays still while the rest moves is the zone '{STILL}'", self.note);
+        Self { note, ..Self::default() }.lay(bodies, join(of_zones(&|element| still[element])), image, plan, folder)
+    }
+
+    /// Makes a zone of each part, and of what is `still`.
+    fn lay(
+        mut self,
+        parts: Vec<SpecimenPart>,
+        still: Option<SpecimenPart>,
+        image: &Image,
+        plan: &Plan,
+        folder: &Path,
+    ) -> Result<Self> {
+        let (size, guard) = (plan.options.element_size, plan.guard_px);
+        let (width, height, margin) = (image.width(), image.height(), margin_of(image, size));
+        let n = parts.len();
+        let name = |at: usize| if n == 1 { "specimen".to_owned() } else { format!("specimen{}", at + 1) };
+        let named = parts.into_iter().enumerate().map(|(at, part)| (name(at), part));
+        for (name, part) in named.chain(still.map(|part| (STILL.to_owned(), part))) {
+            let [x0, y0, x1, y1] = part.bounds;
+            let (left, right) = whole_elements(x0, x1, width, size, margin);
+            let (top, bottom) = whole_elements(y0, y1, height, size, margin);
+            let roi = [left, top, right, bottom];
+            match &part.bits {
+                None => {
+                    let at_margin = [x0 == margin, y0 == margin, x1 + margin == width, y1 + margin == height];
+                    self.rectangle(name, roi, at_margin, guard);
+                }
+                Some(_) => self.mask(name, &part, image, roi, guard, folder)?,
+            }
+            self.parts.push(part);
+        }
+        Ok(self)
     }
 
     /// A zone that is all of its box, and a guard at those of its sides that do not end at the margin.
@@ -159,6 +199,42 @@ impl Found {
 
 fn in_px([x0, y0, x1, y1]: [f64; 4]) -> Roi {
     Roi { x0, y0, x1, y1 }
+}
+
+/// What leaves the image is counted out; half an element keeps that away from the outermost nodes for small motion.
+fn margin_of(image: &Image, size: usize) -> usize {
+    (size / 2).min(image.width().min(image.height()) / 16)
+}
+
+/// The pixels of a part on these elements; `None` without any.
+fn part_on(part: &SpecimenPart, mesh: &Mesh<Px>, elements: &[usize]) -> Option<SpecimenPart> {
+    let pixels_of = |&element: &usize| {
+        let corners = mesh.corners(element);
+        let end = |of: fn(f64, f64) -> f64, c: usize| corners.iter().map(|corner| corner[c]).fold(corners[0][c], of);
+        let [x0, y0, x1, y1] = [end(f64::min, 0), end(f64::min, 1), end(f64::max, 0), end(f64::max, 1)];
+        [x0, y0, x1, y1].map(|at| at.ceil().max(0.0) as usize)
+    };
+    let boxes: Vec<[usize; 4]> = elements.iter().map(pixels_of).collect();
+    let around = |a: [usize; 4], b: [usize; 4]| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])];
+    let bounds = boxes.iter().copied().reduce(around)?;
+    let mut bits = vec![false; (bounds[2] - bounds[0]) * (bounds[3] - bounds[1])];
+    for [x0, y0, x1, y1] in boxes {
+        for (x, y) in (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y))) {
+            bits[(y - bounds[1]) * (bounds[2] - bounds[0]) + x - bounds[0]] = part.contains(x, y);
+        }
+    }
+    let n_pixels = bits.iter().filter(|bit| **bit).count();
+    Some(SpecimenPart { bounds, bits: Some(bits), n_pixels })
+}
+
+/// All of the parts as one.
+fn join(parts: Vec<SpecimenPart>) -> Option<SpecimenPart> {
+    let around = |a: [usize; 4], b: [usize; 4]| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])];
+    let bounds = parts.iter().map(|part| part.bounds).reduce(around)?;
+    let [x0, y0, x1, y1] = bounds;
+    let pixels = (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y)));
+    let bits = pixels.map(|(x, y)| parts.iter().any(|part| part.contains(x, y))).collect();
+    Some(SpecimenPart { bounds, bits: Some(bits), n_pixels: parts.iter().map(|part| part.n_pixels).sum() })
 }
 
 /// An extent from `low` to `high`, cut to whole elements at the margin of the image: there an element that is half

@@ -107,6 +107,16 @@ pub(crate) fn of_grey(name: &str, reference: &Image, saturation: Option<Saturati
     depth.into_iter().chain(odd).chain(much).map(|remark| remark.after(&format!("{name}: "))).collect()
 }
 
+/// Pixels of the reference called `name` that stand alone; `None` without any.
+pub(crate) fn hot_pixels(name: &str, n: usize) -> Option<Remark> {
+    let (pixels, stand) = if n == 1 { ("1 pixel", "stands") } else { (&*format!("{n} pixels"), "stand") };
+    let text = format!(
+        "{name}: {pixels} of the zones {stand} alone, as hot and dead pixels do; where an image shows them as well, \
+         their neighbours say what is there"
+    );
+    (n > 0).then(|| Remark::new(Code::HotPixels, About::Reference, text).with("pixels", n))
+}
+
 /// What there is to know of a mask or mesh file.
 pub(crate) fn of_zone_file(path: &Path, note: &str) -> Remark {
     let file = path.display().to_string();

@@ -83,6 +83,7 @@ pub(crate) fn empty_summary(
         tolerance_in_effect_px: (correlator.tolerance_px() > plan.options.tolerance_px)
             .then(|| correlator.tolerance_px()),
         gradient_smoothing_px: Some(correlator.smoothing_px()).filter(|width| *width > 0.0),
+        hot_pixels: Some(correlator.n_hot_pixels()).filter(|n| *n > 0),
         seconds_reference: 0.0,
         seconds_total: 0.0,
         nodes_left_out: correlator.dropped().iter().map(Into::into).collect(),

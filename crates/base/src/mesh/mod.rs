@@ -7,6 +7,7 @@ mod error;
 mod grid;
 mod lay;
 mod mapped;
+mod neighbours;
 mod pixel_set;
 mod pixels;
 mod polygon;
@@ -24,6 +25,7 @@ pub use element::{
 pub use error::MeshError;
 pub use grid::Grid;
 pub use lay::{ELEMENT_SHARE, PixelMesh};
+pub use neighbours::Neighbours;
 pub use pixel_set::PixelSet;
 pub use pixels::{ElementPixels, PixelMap, Run};
 pub use q4::Mesh;

@@ -83,6 +83,10 @@ codes! {
             "An image is half black, torn, or incomplete."
             "Whole rows or columns have one grey level where the reference has texture."
             "Copy the file again, or leave the frame out.";
+        HotPixels "hot-pixels" Note
+            "Hot or dead pixels are mended."
+            "Single pixels of the reference are far off their neighbours. What these say takes their place, also in images."
+            "Nothing, unless the texture has dots of one pixel. Then use a lens that resolves them.";
         ReferenceBlurred "reference-blurred" Note
             "The images of the reference moved against each other."
             "The reference is the mean of several images that do not show the specimen at the same place."

@@ -2,9 +2,9 @@
 
 use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions};
 use crate::correlate::{
-    AssumedNoise, BendTest, Correlation, CorrelationError, Enough, Features, Finest, InterpolationBias, Iterated,
-    LeftOut, Level, Limits, MATCHED, MeshLines, MisfitTest, NodalSpread, NoiseGain, NoiseProbe, Options, Overlap,
-    PointValuesOf, Prepared, Reference, Regularisation, Result, SeenByNode, Settled, Start, StartUsed, Turn,
+    AssumedNoise, BendTest, Correlation, CorrelationError, Enough, Features, Finest, HotPixels, InterpolationBias,
+    Iterated, LeftOut, Level, Limits, MATCHED, MeshLines, MisfitTest, NodalSpread, NoiseGain, NoiseProbe, Options,
+    Overlap, PointValuesOf, Prepared, Reference, Regularisation, Result, SeenByNode, Settled, Start, StartUsed, Turn,
     WILD_ELEMENTS, bare_borders, choose_better, elements_of, finest_level, high_frequency, iterate, named, nothing,
     numbers, replace_outliers, rounding, smooth_reference,
 };
@@ -65,6 +65,7 @@ pub struct Correlator<B: Backend> {
     pub(super) search_map: GreyMap,
     /// The reference image: elements are named by it, and its points are found when a frame is looked for in all of it.
     pub(super) image: Arc<Image>,
+    hot_pixels: HotPixels,
     pub(super) features: OnceLock<Features>,
     /// The shifts at which each zone of the reference looks like itself, found with the first frame.
     pub(super) periods: OnceLock<Vec<Vec<[f64; 2]>>>,
@@ -184,6 +185,9 @@ impl<B: Backend> Correlator<B> {
         options.check()?;
         let size = [reference.width(), reference.height()];
         let laid = PixelMesh::on_zones(zones, options.mesh_size(), options.element_share, size)?;
+        let hot_pixels = HotPixels::of(&reference);
+        let n_hot_pixels = hot_pixels.count(|x, y| laid.zone_pixels.iter().any(|zone| zone.contains(x, y)));
+        let reference = hot_pixels.repair(reference);
         let kernel = kernel_of(&reference, &options, grey_offset)?;
         let ((noise, fine), mut noise_gain) = rayon::join(
             || {
@@ -256,6 +260,7 @@ impl<B: Backend> Correlator<B> {
             bare_borders,
             grey_range,
             smoothing_px,
+            n_hot_pixels,
         };
         Ok(Self {
             noise_gain,
@@ -275,6 +280,7 @@ impl<B: Backend> Correlator<B> {
             levels,
             search_map,
             image,
+            hot_pixels,
             features: OnceLock::new(),
             periods: OnceLock::new(),
             cut_nodes: OnceLock::new(),
@@ -313,7 +319,7 @@ impl<B: Backend> Correlator<B> {
         if image.is_constant() {
             return Err(CorrelationError::Constant { grey: image.grey(0, 0) });
         }
-        Ok(self.backend.frame(image, &self.kernel)?)
+        Ok(self.backend.frame(self.hot_pixels.repair(image), &self.kernel)?)
     }
 
     /// As [`Correlator::correlate`], for an image that is on the device, while other frames of a series are under way.

@@ -16,6 +16,7 @@ mod error;
 pub use correlator::Correlator;
 pub use cracks::crack_search::{CrackSearch, FoundCrack, MovedPath, NoCrack, Rejected, move_onto_crack, search_cracks};
 pub use error::{CorrelationError, Lack, TextureFault, UpdateRefused};
+pub use judge::ground::StillGround;
 pub use noise::fixed_pattern::FixedPattern;
 pub use noise::noise_correlation::NoiseColour;
 pub use noise::noise_model::PhotonNoise;
@@ -53,6 +54,7 @@ use prepare::finest::{Finest, finest_level};
 use prepare::gradient_noise::{
     AssumedNoise, LEAST_SHARE_OF_VARIANCE, OfElement, diagonal_with_noise, gradient_sums, mass_matrix, without_noise,
 };
+use prepare::hot_pixels::HotPixels;
 use prepare::level::{Level, coarser, support, support_of};
 use prepare::own::{Changed, Own};
 use prepare::smoothing::smooth_reference;

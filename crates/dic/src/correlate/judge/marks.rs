@@ -140,7 +140,7 @@ pub(crate) fn mark_pulled_along(mesh: &Mesh<Px>, marks: &mut [ElementMark], erro
     }
 }
 
-fn correlation(pairs: impl Iterator<Item = [f64; 2]>) -> f64 {
+pub(crate) fn correlation(pairs: impl Iterator<Item = [f64; 2]>) -> f64 {
     let (mut s, mut n) = ([0.0; 5], 0.0f64);
     for [a, b] in pairs {
         s = [s[0] + a, s[1] + b, s[2] + a * a, s[3] + b * b, s[4] + a * b];

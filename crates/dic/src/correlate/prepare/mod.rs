@@ -2,6 +2,7 @@
 
 pub(crate) mod finest;
 pub(crate) mod gradient_noise;
+pub(crate) mod hot_pixels;
 pub(crate) mod level;
 pub(crate) mod options;
 pub(crate) mod own;

@@ -29,6 +29,7 @@ pub struct Reference {
     pub(crate) bare_borders: Vec<BareBorder>,
     pub(crate) grey_range: f64,
     pub(crate) smoothing_px: f64,
+    pub(crate) n_hot_pixels: usize,
 }
 
 impl Reference {
@@ -76,6 +77,12 @@ impl Reference {
     /// with so much noise that displacements are more certain with it.
     pub fn smoothing_px(&self) -> f64 {
         self.smoothing_px
+    }
+
+    /// Pixels of the zones that stand alone in the reference, as hot and dead pixels of a sensor do. Where they show in an
+    /// image as well, what their neighbours say takes their place.
+    pub fn n_hot_pixels(&self) -> usize {
+        self.n_hot_pixels
     }
 
     /// Grey levels that a transfer adds after its gain, in the images' own scale.

@@ -7,7 +7,7 @@ use crate::correlate::{
     named, nothing, numbers, wide_motions,
 };
 use crate::imaging::Image;
-use crate::mesh::{PixelSet, Roi};
+use crate::mesh::{Neighbours, PixelSet, Roi};
 
 /// Elements of a block, those around its core included: fewer are looked for by the field around them.
 const LEAST_ELEMENTS: usize = 9;
@@ -67,35 +67,10 @@ impl<B: Backend> Correlator<B> {
 
     /// The cores of the blocks of elements `left_out`: those all of whose neighbours are left out as well.
     fn blocks(&self, left_out: &[bool]) -> Vec<Vec<usize>> {
-        let (mesh, pattern) = (self.mesh(), &self.levels[0].pattern);
-        let around = |element: usize| {
-            let nodes = mesh.elements()[element];
-            nodes
-                .into_iter()
-                .flat_map(|node| pattern.elements_of(node as usize).iter().map(|&(other, _)| other as usize))
-        };
-        let mut is_core: Vec<bool> = (0..left_out.len())
-            .map(|element| left_out[element] && around(element).all(|other| left_out[other]))
-            .collect();
-        let mut blocks = Vec::new();
-        for first in 0..is_core.len() {
-            if !std::mem::take(&mut is_core[first]) {
-                continue;
-            }
-            let mut core = vec![first];
-            let mut at = 0;
-            while let Some(&element) = core.get(at) {
-                core.extend(around(element).filter(|&other| std::mem::take(&mut is_core[other])));
-                at += 1;
-            }
-            let mut all: Vec<usize> = core.iter().flat_map(|&element| around(element)).collect();
-            all.sort_unstable();
-            all.dedup();
-            if all.len() >= LEAST_ELEMENTS {
-                blocks.push(core);
-            }
-        }
-        blocks
+        let neighbours = Neighbours::of(self.mesh());
+        let mut cores = neighbours.bodies(|element| neighbours.around(element).all(|other| left_out[other]));
+        cores.retain(|core| core.len() + neighbours.ring(core).len() >= LEAST_ELEMENTS);
+        cores
     }
 
     /// The motion with which the elements `core` match, px of the coarsest level.
