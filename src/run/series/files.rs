@@ -14,12 +14,13 @@ use crate::run::folder::store_of_run::{header_of, make_or_find};
 use crate::run::folder::{About, Earlier, FIGURES, Kept, Lock, RunFolder, locks_in};
 use crate::run::frames::feed::Feed;
 use crate::run::frames::output::{self, Output, ToWrite};
-use crate::run::frames::{Busy, Done, Engine, Frames, Reference, Spent, about_reference, pipeline, windows};
-use crate::run::look::{crack_auto, ground, quantities, report};
+use crate::run::frames::{Busy, Done, Engine, Frames, Reference, Spent, pipeline, windows};
+use crate::run::look::{quantities, report};
 use crate::run::plan::found::{self, Found};
 use crate::run::plan::run_toml::RunToml;
-use crate::run::plan::{Existing, Outcome, Plan, Ran, Session, Zones};
+use crate::run::plan::{Existing, Outcome, Plan, Ran, Session};
 use crate::run::series::camera::Camera;
+use crate::run::series::prepared::Prepared;
 use crate::run::words::tally::{Summaries, Tally};
 use crate::run::words::{Event, Result, RunError, Watcher, chain, doubts, remarks, said, thread};
 use rayon::ThreadPool;
@@ -128,31 +129,10 @@ impl<'a> PreparedSeries<'a> {
         }
         let Reference { image, sha256, mut remarks } = Reference::of(&plan)?;
         let (width, height) = (image.width(), image.height());
-        let Zones { mut zones, remarks: mut of_zones, files: mut zone_files, mut found } =
-            pool.install(|| Zones::of(&mut plan, &image, folder.path()))?;
-        let reference = Arc::new(image);
-        let moved = || crack_auto::move_drawn(&mut plan, there.as_ref(), &reference, &zones);
-        let moved = pool.install(moved)?;
-        let cracks = pool.install(|| crack_auto::cut(&mut plan, there.as_ref(), &reference, &mut zones))?;
-        let prepare = Instant::now();
-        let device = plan.device(width * height)?;
-        let prepared = |zones, plan: &Plan| {
-            let engine = || Engine::new(device.clone(), Arc::clone(&reference), zones, plan.options.clone());
-            pool.install(engine).map_err(|error| about_reference(plan, &reference, &error))
-        };
-        let mut engine = prepared(zones, &plan)?;
-        if let Some(before) = &found {
-            let there = (there.as_ref(), folder.path());
-            let part = || ground::part(&plan, there, before, &reference, &*engine.correlator());
-            if let Some(parted) = pool.install(part)? {
-                (zone_files, of_zones) = (parted.files(), vec![remarks::zones_found(parted.note.clone())]);
-                plan.zones.clone_from(&parted.cases);
-                engine = prepared(parted.zones.clone(), &plan)?;
-                found = Some(parted);
-            }
-        }
+        let there_in = (there.as_ref(), folder.path());
+        let Prepared { reference, engine, found, zone_files, remarks: of_zones, drawn, seconds } =
+            pool.install(|| Prepared::new(&mut plan, there_in, image))?;
         let correlator = engine.correlator();
-        let seconds_reference = prepare.elapsed().as_secs_f64();
         quantities::resolve(&plan.drawn, plan.strain, plan.pixel_size, correlator.mesh())?;
         let record = RunToml::new(&plan, &correlator, pool.current_num_threads(), &sha256, zone_files);
         let header = header_of(&plan, &*correlator, &record, sha256, [width, height]);
@@ -178,10 +158,9 @@ impl<'a> PreparedSeries<'a> {
         remarks.extend(remarks::of_grey(&plan.reference_name(), &reference, saturation));
         remarks.extend(remarks::hot_pixels(&plan.reference_name(), correlator.n_hot_pixels()));
         remarks.extend(of_zones);
-        remarks.extend(moved.iter().chain(&cracks.found).chain(&cracks.notes).cloned().map(remarks::of_crack_search));
         Ok(Self {
             begin,
-            drawn: found.map(|found| found.note).into_iter().chain(moved).chain(cracks.found).collect(),
+            drawn,
             remarks,
             plan,
             folder,
@@ -192,7 +171,7 @@ impl<'a> PreparedSeries<'a> {
             reference,
             engine,
             correlator,
-            seconds_reference,
+            seconds_reference: seconds,
             saturation,
             record,
             about: About::new(header)?,

@@ -3,4 +3,5 @@
 pub(crate) mod camera;
 pub(crate) mod files;
 pub(crate) mod in_memory;
+mod prepared;
 pub(crate) mod watching;

@@ -140,7 +140,7 @@ folder. Flags take precedence. An error names file, line, section, key, and the 
 `quadrille about schema > case.schema.json` writes the JSON schema. An editor that knows TOML (Taplo, Even Better TOML) then\n\
 completes and checks a case file that begins with\n\n\
 ```toml\n#:schema ./case.schema.json\n```\n\n\
-`word`: one of the words that the meaning lists. An empty default: nothing, or what the meaning says.\n";
+`word`: one of the words that the meaning lists; those of a flag are explained [with it](commands.md). An empty default: nothing, or what the meaning says.\n";
 
 /// Length of a list of values, in bytes, above which the next key with the same values refers to it.
 const LONG: usize = 40;
@@ -173,11 +173,14 @@ pub fn case_reference(schema: &Value) -> String {
                 None if required(key) => "required".to_owned(),
                 None => String::new(),
             };
-            let flag = value["x-flag"].as_str().map_or(String::new(), |flag| format!(", `{flag}`"));
-            let meaning = [value["description"].as_str().unwrap_or_default().to_owned(), words(value)];
+            let flag = value["x-flag"].as_str();
+            // What the words of a flag mean is said with the flag.
+            let told = if flag.is_some() { String::new() } else { words(value) };
+            let meaning = [value["description"].as_str().unwrap_or_default().to_owned(), told];
             let meaning = meaning.into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join(" ");
-            let values = values(value);
+            let values = flag.and_then(|_| listed(value)).unwrap_or_else(|| values(value));
             let shown = if values.len() > LONG && values == last { "the same" } else { values.as_str() };
+            let flag = flag.map_or(String::new(), |flag| format!(", `{flag}`"));
             let _ = writeln!(text, "| `{key}`{flag} | {shown} | {default} | {} |", meaning.replace('|', "\\|"));
             last = values;
         }
@@ -208,14 +211,20 @@ fn words(schema: &Value) -> String {
     told.map(|(word, about)| format!("`{word}`: {about}")).collect::<Vec<_>>().join(" ")
 }
 
+/// The words that `schema` has to choose from, as a list; `None` without any.
+fn listed(schema: &Value) -> Option<String> {
+    let words: Vec<String> = choices(schema).iter().map(|(word, _)| format!("`{word}`")).collect();
+    (!words.is_empty()).then(|| words.join(", "))
+}
+
 /// What a key takes, in words.
 fn values(schema: &Value) -> String {
     let words = choices(schema);
     if words.iter().any(|(_, about)| !about.is_empty()) {
         return "word".to_owned();
     }
-    if !words.is_empty() {
-        return words.iter().map(|(word, _)| format!("`{word}`")).collect::<Vec<_>>().join(", ");
+    if let Some(listed) = listed(schema) {
+        return listed;
     }
     if let Some(word) = schema.get("const") {
         return format!("`{word}`");
