@@ -2,7 +2,7 @@
 
 use crate::backend::choice::DeviceChoice;
 use crate::backend::gpu::GpuOptions;
-use crate::io::case::{CaseCorrelation, CaseImages, CrackFlags, ZoneFlags};
+use crate::io::case::{CaseCamera, CaseCorrelation, CaseImages, CrackFlags, ZoneFlags};
 use crate::run::plan::Shard;
 use std::fmt;
 use std::str::FromStr;
@@ -53,6 +53,9 @@ pub struct Request {
     /// Over `[images]`.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub images: CaseImages,
+    /// In place of `[camera]`.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub camera: CaseCamera,
     /// In place of all `[[zone]]`.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub zones: ZoneFlags,

@@ -1,5 +1,6 @@
 //! A series of images, from its files to its store: opened, resumed, correlated, closed.
 
+use crate::camera::Rectifier;
 use crate::correlate::Correlate;
 use crate::field::{Status, UpdateReference};
 use crate::imaging::{FlatBlocks, Image, Saturation};
@@ -75,6 +76,8 @@ struct PreparedSeries<'a> {
     engine: Engine,
     /// That of the beginning: the engine may come to another.
     correlator: Arc<dyn Correlate>,
+    /// Maps fields into the plane of the specimen.
+    rectifier: Rectifier,
     seconds_reference: f64,
     /// What is to be said of reference and zones.
     remarks: Vec<Remark>,
@@ -140,9 +143,10 @@ impl<'a> PreparedSeries<'a> {
         let engine = pool.install(prepared).map_err(|error| about_reference(&plan, &reference, &error))?;
         let correlator = engine.correlator();
         let seconds_reference = prepare.elapsed().as_secs_f64();
-        quantities::resolve(&plan.drawn, plan.strain, plan.pixel_size, correlator.mesh())?;
         let record = RunToml::new(&plan, &correlator, pool.current_num_threads(), &sha256, zone_files);
         let header = header_of(&plan, &*correlator, &record, sha256, [width, height]);
+        let rectifier = Rectifier::new(header.camera()?, correlator.mesh())?;
+        quantities::resolve(&plan.drawn, plan.strain, plan.pixel_size, &rectifier)?;
         let same_run = |store: &Store| match restart::differences(store.header(), &header, session.shard.is_none()) {
             differences if differences.is_empty() => Ok(()),
             differences => Err(folder.holds_another(Some(differences.join("; ")))),
@@ -178,6 +182,7 @@ impl<'a> PreparedSeries<'a> {
             reference,
             engine,
             correlator,
+            rectifier,
             seconds_reference,
             saturation,
             record,
@@ -274,7 +279,20 @@ impl<'a> PreparedSeries<'a> {
     /// Correlates what is to be done and writes it, until all is done, it shall stop, or something fails.
     fn correlate(&mut self, mut tally: Tally, before: &Before, watcher: Watcher<'_>) -> (Tally, Result<()>) {
         let Self {
-            begin, plan, folder, pool, session, camera, correlator, engine, record, about, writer, store, ..
+            begin,
+            plan,
+            folder,
+            pool,
+            session,
+            camera,
+            correlator,
+            rectifier,
+            engine,
+            record,
+            about,
+            writer,
+            store,
+            ..
         } = self;
         let (reference, drawn) = (&self.reference, self.drawn.as_slice());
         let Session { stop, shard, .. } = session;
@@ -308,7 +326,8 @@ impl<'a> PreparedSeries<'a> {
                 store: writer,
                 fields: store,
                 about,
-                windows: plan.strain_windows(correlator.mesh()),
+                camera: rectifier,
+                windows: plan.strain_windows(rectifier.mesh()),
                 alone,
                 in_series: Mutex::new(std::mem::take(&mut tally.in_series)),
                 writing,
