@@ -1,11 +1,26 @@
 //! A measured field in the plane, and what the uncertainty of the camera does to it.
 
-use super::{Camera, CameraError, Part, Theta};
+use super::{Camera, CameraError, PARAMETERS, Part, Theta};
 use crate::field::{Measurement, ModelError, PointField};
 use crate::mesh::Mesh;
 use crate::plane::Point;
 use crate::units::Px;
 use std::sync::Arc;
+
+/// Of each parameter, its name in budgets.
+const NAMES: [&str; PARAMETERS.len()] = [
+    "lens",
+    "lens_k2",
+    "lens_p1",
+    "lens_p2",
+    "lens_k3",
+    "lens_centre_x",
+    "lens_centre_y",
+    "tilt_x",
+    "tilt_y",
+    "tilt_stretch",
+    "tilt_shear",
+];
 
 /// Maps the fields on one mesh into the plane.
 ///
@@ -38,6 +53,8 @@ pub struct Rectifier {
 pub struct CameraTerm {
     /// What of the camera.
     pub part: Part,
+    /// The same in budgets: `lens` for k1, `lens_k2`, `tilt_x`, `distance`.
+    pub name: &'static str,
     /// Change of the displacement of each node, px of the plane.
     pub change: Vec<Point>,
 }
@@ -100,6 +117,11 @@ impl Rectifier {
         plane
     }
 
+    /// The displacements of the plane on the mesh of the image, to be drawn there.
+    pub fn displaced(&self, field: &Measurement<Px>) -> Measurement<Px> {
+        Measurement { mesh: Arc::clone(&self.raw), ..self.rectify(field) }
+    }
+
     /// Where a node moves in the plane, and what turns a standard uncertainty there.
     fn moved(&self, node: usize, u: Point) -> Option<(Point, impl Fn(Point) -> Point)> {
         let ([x, y], [a, b]) = (self.raw.nodes()[node], self.plane.nodes()[node]);
@@ -116,25 +138,26 @@ impl Rectifier {
             let (from, u) = (self.plane.nodes()[node], plane.displacement[node]);
             (from, [from[0] + u[0], from[1] + u[1]])
         };
-        let of_nodes = |part: Part, change: &dyn Fn(Point, Point) -> Option<Point>| {
+        let of_nodes = |(part, name): (Part, &'static str), change: &dyn Fn(Point, Point) -> Option<Point>| {
             let of_node = |node: usize| {
                 let (from, to) = at(node);
                 if plane.measured[node] { change(from, to).unwrap_or_default() } else { [0.0; 2] }
             };
-            CameraTerm { part, change: (0..plane.measured.len()).map(of_node).collect() }
+            CameraTerm { part, name, change: (0..plane.measured.len()).map(of_node).collect() }
         };
         let by = |theta: &Theta, from: Point, to: Point| {
             let (a, b) = (self.camera.plane_change(to, theta)?, self.camera.plane_change(from, theta)?);
             Some([a[0] - b[0], a[1] - b[1]])
         };
-        let mut terms: Vec<CameraTerm> = (self.camera.columns().iter())
-            .map(|(part, theta)| of_nodes(*part, &|from, to| by(theta, from, to)))
+        let names = self.camera.shape().covariance.of.iter().map(|&k| NAMES[k]);
+        let mut terms: Vec<CameraTerm> = (self.camera.columns().iter().zip(names))
+            .map(|((part, theta), name)| of_nodes((*part, name), &|from, to| by(theta, from, to)))
             .collect();
         let shape = self.camera.shape();
         if shape.distance_std > 0.0 {
             let centre = [shape.theta[5], shape.theta[6]];
             let nearer = |_, to: Point| Some([0, 1].map(|c| shape.distance_std * (to[c] - centre[c])));
-            terms.push(of_nodes(Part::Distance, &nearer));
+            terms.push(of_nodes((Part::Distance, "distance"), &nearer));
         }
         terms
     }
@@ -143,7 +166,7 @@ impl Rectifier {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{CameraShape, Covariance, PARAMETERS};
+    use crate::camera::{CameraShape, Covariance};
     use crate::field::Status;
     use crate::mesh::{Roi, Zone};
 

@@ -5,9 +5,9 @@
 //! that lies **the plane in pixels**: where the specimen is seen squarely and without distortion, at the scale of the
 //! centre of the image. Millimetres are [`PixelSize`](crate::units::PixelSize) times these.
 
-//pub mod calibrate;
+pub mod calibrate;
 mod field;
-//pub mod marked;
+pub mod marked;
 mod model;
 mod shape;
 
