@@ -70,8 +70,8 @@ pub struct CaseFile {
     /// Which images.
     #[serde(default, skip_serializing_if = "is_default")]
     pub images: CaseImages,
-    /// How the camera sees the plane of the specimen (docs/theory/22-camera.md). Without it no distortion is taken off, and
-    /// the uncertainty of a usual lens is reckoned with.
+    /// How the camera sees the plane of the specimen (docs/theory/22-camera.md). Without it no distortion is taken off,
+    /// and the uncertainty of a usual lens is reckoned with.
     pub camera: Option<CaseCamera>,
     /// How to correlate.
     #[serde(default, skip_serializing_if = "is_default")]

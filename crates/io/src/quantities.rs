@@ -120,8 +120,8 @@ const OF_CAMERA: [&str; 13] = [
 ];
 
 impl<W: Write> Table<W> {
-    /// A row with its key cells, then the numbers that `cells` takes of what is drawn, what the camera makes of them, and
-    /// the twins in mm of both.
+    /// A row with its key cells, then the numbers that `cells` takes of what is drawn, what the camera makes of them,
+    /// and the twins in mm of both.
     fn row(
         &mut self,
         keys: &[String],
@@ -175,7 +175,8 @@ impl<'a, W: Write> QuantityTables<'a, W> {
     ///
     /// With `regularised` fields the noise of neighbouring nodes is correlated in a way that is not known, and
     /// standard uncertainties are upper bounds. Fields are those in the plane that `camera` has made; where it is not
-    /// exact, columns `camera_` say what its uncertainty does. `pixel_size` comes with its relative standard uncertainty.
+    /// exact, columns `camera_` say what its uncertainty does. `pixel_size` comes with its relative standard
+    /// uncertainty.
     pub fn new(
         quantities: &'a Quantities,
         load: &'a LoadTable,

@@ -1,8 +1,8 @@
 //! Options that are keys of a case: the case knows their defaults, the command line their flags.
 
 use crate::io::case::{
-    CaseCamera, CaseCorrelation, CaseCrack, CaseExtensometer, CaseFit, CaseImages, CaseLine, CaseLoad, CaseOpening, CaseProbe,
-    CaseQuantityOptions, CaseZone, schema_of,
+    CaseCamera, CaseCorrelation, CaseCrack, CaseExtensometer, CaseFit, CaseImages, CaseLine, CaseLoad, CaseOpening,
+    CaseProbe, CaseQuantityOptions, CaseZone, schema_of,
 };
 use clap::{Arg, Command};
 use serde_json::Value;

@@ -11,9 +11,10 @@ use crate::cli::{Outcome, Result, plural};
 use crate::field::{Measurement, Status};
 use crate::io::case::{CaseCamera, CaseFile, read_case, write_camera};
 use crate::io::images::Accepted;
+use crate::io::series::Frame;
 use crate::io::store::{STORE, Store};
 use crate::report::{Backdrop, Figure, FigureOptions, draw_frame};
-use crate::run::{FIGURES, Images, Plan, RunFolder, run_series};
+use crate::run::{FIGURES, Plan, RunFolder, run_series};
 use crate::units::Px;
 use std::path::Path;
 
@@ -28,21 +29,18 @@ pub(crate) fn run(args: &CalibrateArgs, paint: Paint) -> Result<Outcome> {
     // What is to be found is not stated.
     let case = CaseFile { camera: Some(CaseCamera { exact: Some(true), ..CaseCamera::default() }), ..case };
     let asked = request(&args.correlate);
-    let images = Images::of(&asked, &case)?;
-    let n = images.deformed.len();
+    let alone = match asked.images.deformed.as_deref() {
+        Some([name]) if marks && asked.images.reference.is_none() => Some(name),
+        _ => None,
+    };
     let folder = RunFolder::writable(&args.correlate.output)?;
-    let (camera, mut said) = match (n, marks) {
-        // One image, named once, is reference and series.
-        (0 | 1, true) => {
-            let first = images.reference.first().or(images.deformed.first()).ok_or("give an image")?;
-            let image = first.read(Accepted::ANY)?.image;
+    let (camera, mut said) = match alone {
+        Some(name) => {
+            let image = Frame::named(name, 0).read(Accepted::ANY)?.image;
             (unknown_plane([image.width(), image.height()])?, Vec::new())
         }
-        (0, false) => {
-            return Err("give two images or more, between which the specimen was moved in its plane by hand; or --point, --length".into());
-        }
-        _ => {
-            let plan = Plan::with(&asked, &case, images)?;
+        None => {
+            let plan = Plan::of(&asked, &case)?;
             let mut progress = Progress::new(talk(&args.correlate), paint);
             let pool = args.correlate.threads.pool()?;
             run_series(&plan, &folder, &pool, session(&args.correlate)?, &mut |event| progress.take(event))?;
@@ -53,7 +51,7 @@ pub(crate) fn run(args: &CalibrateArgs, paint: Paint) -> Result<Outcome> {
     let scaled = scaled(args, &camera)?;
     let camera = scaled.as_ref().map_or(camera, |scaled| scaled.camera.clone());
     said.push(said_of_scale(scaled.as_ref()));
-    if n < 2 {
+    if alone.is_some() {
         let what = "lens: nothing is seen of it on one image; a usual one is reckoned with (0.1 % at the corner). Two more images, \
                     the specimen moved across and along, tell";
         said.push(what.to_owned());
@@ -79,7 +77,8 @@ fn of_series(folder: &RunFolder) -> Result<Calibration> {
     let header = store.header();
     let mut fields: Vec<(usize, Measurement<Px>)> = Vec::new();
     for number in 1..=store.n_frames() {
-        let field = store.frame(number)?.map(|frame| frame.measurement).filter(|field| field.status == Status::Converged);
+        let field =
+            store.frame(number)?.map(|frame| frame.measurement).filter(|field| field.status == Status::Converged);
         fields.extend(field.map(|field| (number, field)));
     }
     let list: Vec<Measurement<Px>> = fields.iter().map(|(_, field)| field.clone()).collect();
@@ -126,7 +125,9 @@ fn scaled(args: &CalibrateArgs, camera: &Camera) -> Result<Option<Scaled>> {
         (true, true) => Ok(None),
         (false, true) => Ok(Some(camera_of_points(camera, &points, args.mark_std)?)),
         (true, false) => Ok(Some(scale_of_lengths(camera, &lengths, args.mark_std)?)),
-        (false, false) => Err("--point and --length are both given; points hold the lengths between them: give one kind".into()),
+        (false, false) => {
+            Err("--point and --length are both given; points hold the lengths between them: give one kind".into())
+        }
     }
 }
 
@@ -163,12 +164,18 @@ fn verdict(found: &Calibration) -> Vec<String> {
     said.extend(of("tilt_y").map(|tilt| said_of("tilt along y", tilt, 100.0 * height, "% of scale across the image")));
     for tried in &found.tried {
         let is_in = if tried.evidence > 0.0 { "taken in" } else { "left at zero" };
-        said.push(format!("{}: {is_in}, by evidence ({:+.0}, Bayesian information criterion)", tried.names, tried.evidence));
+        said.push(format!(
+            "{}: {is_in}, by evidence ({:+.0}, Bayesian information criterion)",
+            tried.names, tried.evidence
+        ));
     }
     // Shifts along one line leave what is across it to the second order of the field.
     let across = shifts.clone().flat_map(|a| shifts.clone().map(move |b| (a[0] * b[1] - a[1] * b[0]).abs()));
     if across.fold(0.0, f64::max) < 0.1 * largest * largest {
-        said.push("a shift across is missing: all images moved along one line; another makes all of this better known".to_owned());
+        said.push(
+            "a shift across is missing: all images moved along one line; another makes all of this better known"
+                .to_owned(),
+        );
     }
     if largest < 0.05 * half {
         said.push(format!("the shifts are small: {:.0} px or more would tell more", 0.1 * half));

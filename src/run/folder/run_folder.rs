@@ -189,8 +189,8 @@ impl RunFolder {
         save_picture(&self.0.join(FIGURES), name, picture)
     }
 
-    /// Writes what is wanted of the tables of frame `number`: its CSV file and its VTU file; gives their names. `plane` is
-    /// the field in the plane of the specimen, of which the strains are.
+    /// Writes what is wanted of the tables of frame `number`: its CSV file and its VTU file; gives their names. `plane`
+    /// is the field in the plane of the specimen, of which the strains are.
     pub(crate) fn write_tables(
         &self,
         [csv, vtu]: [bool; 2],

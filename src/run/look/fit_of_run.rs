@@ -112,7 +112,9 @@ pub fn model_less_measured(folder: &Path) -> Result<Option<Off>> {
     let mut off = Off::new();
     for (at, (&number, computed)) in converged.iter().zip(&computed).enumerate() {
         let Some(frame) = store.frame(number)? else { continue };
-        off.extend(off_at(&joint, pixel_size, at, computed, &camera.displaced(&frame.measurement)).map(|off| (number, off)));
+        off.extend(
+            off_at(&joint, pixel_size, at, computed, &camera.displaced(&frame.measurement)).map(|off| (number, off)),
+        );
     }
     Ok((!off.is_empty()).then_some(off))
 }

@@ -20,8 +20,8 @@ use std::path::Path;
 pub(crate) const FOLDER: &str = "quantities";
 
 /// What is asked for, on a mesh, in the plane that the camera sees: places are named in px of the image.
-/// Errors: numbers that mean nothing, names that come twice, zones that are not there or do not face each other, an opening
-/// while the motion of each zone is removed.
+/// Errors: numbers that mean nothing, names that come twice, zones that are not there or do not face each other, an
+/// opening while the motion of each zone is removed.
 pub(crate) fn resolve(
     asked: &CaseQuantities,
     strain: StrainDefinition,

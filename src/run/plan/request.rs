@@ -79,8 +79,8 @@ pub struct Request {
     /// takes the place of the task in its array. Needs --start independent, which is then the default.
     #[cfg_attr(feature = "cli", arg(long, value_name = "I/N|slurm", hide_short_help = true, help_heading = "Machine"))]
     pub shard: Option<Shard>,
-    /// Pixel work: auto, cpu, gpu, or one of `quadrille about devices`, by its number or part of its name. `auto` takes a
-    /// discrete GPU for 200 megapixels of frames or more, else the CPU; `gpu` also an integrated or a software one.
+    /// Pixel work: auto, cpu, gpu, or one of `quadrille about devices`, by its number or part of its name. `auto` takes
+    /// a discrete GPU for 200 megapixels of frames or more, else the CPU; `gpu` also an integrated or a software one.
     #[cfg_attr(
         feature = "cli",
         arg(

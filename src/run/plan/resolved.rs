@@ -16,7 +16,7 @@ use crate::io::store::StoreHeader;
 use crate::isa::Isa;
 use crate::mesh::Mesh;
 use crate::remark::Remark;
-use crate::run::plan::wanted::{resolved_zones, wanted_cracks, wanted_zones};
+use crate::run::plan::wanted::{resolved_zones, wanted_camera, wanted_cracks, wanted_pixel_size, wanted_zones};
 use crate::run::plan::{Export, Request, which_reference};
 use crate::run::words::{Result, absolute};
 use crate::units::{PixelSize, Px};
@@ -106,8 +106,8 @@ impl Plan {
             let refused = || format!("the pixel size is {mm} mm; give a positive number, from 1e-12 to 1e12");
             PixelSize::new(mm).ok_or_else(refused)
         };
-        let camera = camera_of(asked, case)?;
-        let pixel_size = pixel_size_of(&wanted, camera.as_ref())?.map(size).transpose()?;
+        let camera = wanted_camera(&asked.camera, case)?;
+        let pixel_size = wanted_pixel_size(&wanted, camera.as_ref())?.map(size).transpose()?;
         if asked.shard.is_some() && options.start == StartFrom::Previous {
             return Err("--shard needs --start independent: the frames before are done by other processes".into());
         }
@@ -253,30 +253,6 @@ impl Plan {
             ..CaseFile::default()
         }
         .with_drawn(&self.drawn)
-    }
-}
-
-/// The camera that is asked for, or else that of the case, with the numbers of its file.
-fn camera_of(asked: &Request, case: &CaseFile) -> Result<Option<CaseCamera>> {
-    let section = case.camera.clone().unwrap_or_default();
-    let camera = match &asked.camera.file {
-        // Another camera: of the case what is no number of it.
-        Some(_) => CaseCamera { exact: section.exact, distance_std: section.distance_std, ..asked.camera.clone() }
-            .resolved(Path::new(""))?,
-        None => section.resolved(&case.base)?,
-    };
-    Ok((camera != CaseCamera::default()).then_some(camera))
-}
-
-/// The size of a pixel that the images state, or their camera.
-fn pixel_size_of(images: &CaseImages, camera: Option<&CaseCamera>) -> Result<Option<f64>> {
-    let of_camera = camera.and_then(|camera| camera.pixel_size_mm);
-    match (images.pixel_size_mm, of_camera) {
-        (Some(own), Some(other)) if (own - other).abs() > 1e-9 * other.abs() => Err(format!(
-            "the pixel size is {own} mm, that of the camera {other} mm; state one of them: a calibration of other distance, or              binning, is of other images"
-        )
-        .into()),
-        (own, other) => Ok(own.or(other)),
     }
 }
 

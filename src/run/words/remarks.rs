@@ -7,7 +7,7 @@ use crate::correlate::{BareBorder, Correlation, NoiseColour, Reference, StartUse
 use crate::field::Status;
 
 use crate::imaging::{GreyDepth, Image, OddLevels, Saturation};
-use crate::io::case::CaseZone;
+use crate::io::case::{CaseCamera, CaseZone};
 use crate::io::images::Foreign;
 use crate::io::series::{NameOrder, TwoCameras, natural_order};
 use crate::io::text::shell_word;
@@ -20,16 +20,24 @@ use std::path::{Path, PathBuf};
 
 /// What a usual lens adds to a series whose camera is not stated: only where it is more than the noise of a node.
 ///
-/// Displacements seem to differ by up to `3 q d (r/R)^2` and strains to be up to `6 q d r/R^2` for a distortion `q` at the
-/// corner, at the distance `R` from the centre; `d` is the largest rigid motion, `r` reaches to the node furthest from the
-/// centre (THEORY 22).
-pub(crate) fn of_lens(camera: &Rectifier, is_stated: bool, frames: &[FrameSummary]) -> Option<Remark> {
-    if is_stated {
+/// Displacements seem to differ by up to `3 q d (r/R)^2` and strains to be up to `6 q d r/R^2` for a distortion `q` at
+/// the corner, at the distance `R` from the centre; `d` is the largest rigid motion, `r` reaches to the node furthest
+/// from the centre (THEORY 22).
+pub(crate) fn of_lens(
+    camera: &Rectifier,
+    camera_of_case: Option<&CaseCamera>,
+    frames: &[FrameSummary],
+) -> Option<Remark> {
+    if camera_of_case.is_some_and(|camera| camera.states_camera() || camera.exact == Some(true)) {
         return None;
     }
     let [width, height] = camera.camera().shape().image_size_px.map(|n| n as f64 - 1.0);
     let (half, middle) = (0.5 * width.hypot(height), [0.5 * width, 0.5 * height]);
-    let reach = camera.mesh().nodes().iter().fold(0.0f64, |most, &node| most.max((node[0] - middle[0]).hypot(node[1] - middle[1])));
+    let reach = camera
+        .mesh()
+        .nodes()
+        .iter()
+        .fold(0.0f64, |most, &node| most.max((node[0] - middle[0]).hypot(node[1] - middle[1])));
     let measured = frames.iter().filter(|frame| frame.status.is_measured());
     let motion = |frame: &FrameSummary| {
         let rigid = frame.rigid_motion.as_ref()?;

@@ -154,7 +154,8 @@ impl Experiment {
             prescribed: Vec::new(),
             instants,
             pixel_size_mm: None,
-            force: None, camera: Vec::new(),
+            force: None,
+            camera: Vec::new(),
         };
         let noise = Noise {
             precision: Precision::White(observation.n_rows()),

@@ -1,8 +1,8 @@
 //! Calibration from images of a plane that moved rigidly in itself by unknown amounts (THEORY 22).
 //!
 //! Unknowns are the camera and, for each image, a shift, a turn and a change of the distance; data are displacement
-//! fields. Gauss-Newton with the covariance of the nodes' noise: neighbours go together as the inverse of the mass matrix
-//! says, and images share the noise of their reference.
+//! fields. Gauss-Newton with the covariance of the nodes' noise: neighbours go together as the inverse of the mass
+//! matrix says, and images share the noise of their reference.
 
 use super::marked::inverse_of;
 use super::{Camera, CameraError, CameraShape, Covariance, PARAMETERS};
@@ -22,7 +22,8 @@ const FEWEST_NODES: usize = 30;
 const STEPS: usize = 20;
 /// A step that moves no unknown by more of its standard uncertainty ends the search.
 const SETTLED: f64 = 1e-3;
-/// How far the squares fall, in units of the noise, when each image may also be stretched: chance reaches it once in 1e7.
+/// How far the squares fall, in units of the noise, when each image may also be stretched: chance reaches it once in
+/// 1e7.
 const STRETCHED: f64 = 32.0;
 /// Standard deviation of a change of the distance before anything is seen, `dZ/Z`: a specimen that is moved by hand.
 const NEARER: f64 = 2e-3;
@@ -83,8 +84,8 @@ pub struct Calibration {
     pub moved: Vec<Moved>,
     /// Measured less computed displacement at each node of each image, px; `None` where it was not used.
     pub residual: Vec<Vec<Option<Point>>>,
-    /// Sum of squares by its degrees of freedom: 1 where noise is all that is left. The covariance is scaled by it where
-    /// it is larger.
+    /// Sum of squares by its degrees of freedom: 1 where noise is all that is left. The covariance is scaled by it
+    /// where it is larger.
     pub squares: f64,
     /// Coefficients that were tried beside those that are always unknown.
     pub tried: Vec<Tried>,
@@ -132,8 +133,8 @@ pub enum CalibrationError {
     Camera(#[from] CameraError),
 }
 
-/// The camera of images of the size `image_size_px` whose displacement `fields` are those of a plane that moved rigidly,
-/// all from one reference that is the mean of `n_references` images.
+/// The camera of images of the size `image_size_px` whose displacement `fields` are those of a plane that moved
+/// rigidly, all from one reference that is the mean of `n_references` images.
 ///
 /// # Errors
 /// See [`CalibrationError`].
@@ -164,7 +165,7 @@ pub fn calibrate(
     known.sort_unstable();
     let best = data.fit(best.state, &known)?;
     data.refuse_stretch(&best, &known)?;
-    data.told(best, &known, tried)
+    data.into_calibration(best, &known, tried)
 }
 
 /// Fields as they are fitted.
@@ -199,6 +200,16 @@ struct Fitted {
     covariance: Dense,
 }
 
+/// What an image adds to the normal matrix.
+struct Block {
+    /// Numbers of its unknowns.
+    of_image: Vec<usize>,
+    /// The derivatives by them, white but for neighbours, and the residual last.
+    columns: Vec<Vec<Point>>,
+    /// The same times the mass matrix.
+    weighed: Vec<Vec<Point>>,
+}
+
 /// What is unknown.
 #[derive(Debug, Clone, Copy)]
 enum Unknown {
@@ -214,9 +225,14 @@ enum Unknown {
 const OF_IMAGE: [Unknown; 4] = [Unknown::Shift(0), Unknown::Shift(1), Unknown::Turn, Unknown::Nearer];
 
 impl Data {
-    fn new(fields: &[Measurement<Px>], image_size_px: [usize; 2], n_references: usize) -> Result<Self, CalibrationError> {
+    fn new(
+        fields: &[Measurement<Px>],
+        image_size_px: [usize; 2],
+        n_references: usize,
+    ) -> Result<Self, CalibrationError> {
         let Some(mesh) = fields.first().map(|field| &field.mesh) else { return Err(CalibrationError::NoImage) };
-        let everywhere = |node: usize| fields.iter().all(|field| field.measured[node] && field.sigma[node] > [0.0; 2]);
+        let everywhere =
+            |node: usize| fields.iter().all(|field| field.measured[node] && field.sigma[node].iter().all(|s| *s > 0.0));
         let used: Vec<bool> = (0..mesh.n_nodes()).map(everywhere).collect();
         let whole: Vec<usize> = (0..mesh.n_elements())
             .filter(|&element| mesh.elements()[element].iter().all(|&node| used[node as usize]))
@@ -296,8 +312,7 @@ impl Data {
             let Some(covariance) = inverse_of(&normal) else { break };
             let step: Vec<f64> =
                 (0..pull.len()).map(|r| (0..pull.len()).map(|c| covariance[(r, c)] * pull[c]).sum()).collect();
-            let settled =
-                step.iter().enumerate().all(|(k, step)| step.abs() <= SETTLED * covariance[(k, k)].sqrt());
+            let settled = step.iter().enumerate().all(|(k, step)| step.abs() <= SETTLED * covariance[(k, k)].sqrt());
             if settled {
                 return Ok(Fitted { state, squares, covariance });
             }
@@ -317,26 +332,24 @@ impl Data {
     fn normal(&self, state: &State, unknowns: &[(Unknown, usize)]) -> Option<(Dense, Vec<f64>, f64)> {
         let camera = Camera::new(state.shape.clone()).ok()?;
         let n = unknowns.len();
-        // Of each image: numbers of its unknowns, their columns and the residual last; and the same times the mass matrix.
-        let mut blocks: Vec<(Vec<usize>, Vec<Vec<Point>>, Vec<Vec<Point>>)> = Vec::new();
+        let mut blocks: Vec<Block> = Vec::new();
         for (image, whitening) in self.whitening.iter().enumerate() {
-            let of_image: Vec<usize> = (0..n)
-                .filter(|&k| matches!(unknowns[k].0, Unknown::Camera(_)) || unknowns[k].1 == image)
-                .collect();
+            let is_own = |k: &usize| matches!(unknowns[*k].0, Unknown::Camera(_)) || unknowns[*k].1 == image;
+            let of_image: Vec<usize> = (0..n).filter(is_own).collect();
             let mut columns = vec![vec![[0.0; 2]; self.nodes.len()]; of_image.len() + 1];
             for (node, white) in whitening.iter().enumerate() {
                 let (computed, by) = state.displaced(&camera, self.nodes[node], image, &of_image, unknowns)?;
-                let measured = self.fields[image][node];
-                for (column, by) in columns.iter_mut().zip(by.iter().chain([&[0, 1].map(|c| measured[c] - computed[c])])) {
+                let left = [0, 1].map(|c| self.fields[image][node][c] - computed[c]);
+                for (column, by) in columns.iter_mut().zip(by.iter().chain([&left])) {
                     column[node] = [0, 1].map(|c| white[c] * by[c]);
                 }
             }
             let weighed = columns.iter().map(|column| self.mass.multiply(column)).collect();
-            blocks.push((of_image, columns, weighed));
+            blocks.push(Block { of_image, columns, weighed });
         }
         let (mut normal, mut pull, mut squares) = (Dense::zeros(n, n), vec![0.0; n], 0.0);
-        for (i, (rows, _, weighed)) in blocks.iter().enumerate() {
-            for (j, (others, columns, _)) in blocks.iter().enumerate() {
+        for (i, Block { of_image: rows, weighed, .. }) in blocks.iter().enumerate() {
+            for (j, Block { of_image: others, columns, .. }) in blocks.iter().enumerate() {
                 let of_images = self.images[(i, j)];
                 let product = |a: &[Point], b: &[Point]| -> f64 {
                     of_images * a.iter().zip(b).map(|(a, b)| a[0] * b[0] + a[1] * b[1]).sum::<f64>()
@@ -381,7 +394,12 @@ impl Data {
         })
     }
 
-    fn told(&self, best: Fitted, known: &[usize], tried: Vec<Tried>) -> Result<Calibration, CalibrationError> {
+    fn into_calibration(
+        self,
+        best: Fitted,
+        known: &[usize],
+        tried: Vec<Tried>,
+    ) -> Result<Calibration, CalibrationError> {
         let Fitted { state, squares, covariance } = best;
         let squares = squares / self.freedom(known);
         let scale = squares.max(1.0);
@@ -528,7 +546,10 @@ mod tests {
                 let factor = Dense::from_fn(4, 4, |i, j| matrix[i][j]).cholesky().unwrap();
                 let draw: Vec<f64> = (0..8).map(|_| NOISE * normal()).collect();
                 let of_corners = factor.half_times(&Dense::from_fn(4, 2, |i, c| draw[2 * i + c]));
-                nodes.iter().enumerate().for_each(|(i, &n)| (0..2).for_each(|c| load[n as usize][c] += of_corners[(i, c)]));
+                nodes
+                    .iter()
+                    .enumerate()
+                    .for_each(|(i, &n)| (0..2).for_each(|c| load[n as usize][c] += of_corners[(i, c)]));
             }
             self.jacobi.solve(&self.mass, &load, 1e-8, 1000).0
         }

@@ -149,7 +149,11 @@ pub fn camera_of_points(camera: &Camera, points: &[MarkedPoint], std_px: f64) ->
         return Err(MarkedError::Number { what: "a coordinate of a point", value, positive: false });
     }
     if std_px <= 0.0 {
-        return Err(MarkedError::Number { what: "the standard uncertainty of a mark (px)", value: std_px, positive: true });
+        return Err(MarkedError::Number {
+            what: "the standard uncertainty of a mark (px)",
+            value: std_px,
+            positive: true,
+        });
     }
     let spread = |of: fn(&MarkedPoint) -> Point| is_spread(&points.iter().map(of).collect::<Vec<_>>());
     if !(spread(|point| point.px) && spread(|point| point.mm)) {
@@ -328,8 +332,14 @@ mod tests {
         assert!(matches!(refused(&wrong), MarkedError::Number { .. }));
         let length = |mm| MarkedLength { ends: [[0.0, 0.0], [400.0, 300.0]], mm };
         let scaled = scale_of_lengths(&plane, &[length(25.0)], 0.5).unwrap();
-        assert!((scaled.pixel_size_mm - 0.05).abs() < 1e-12 && (scaled.relative_std - 0.5 * 2f64.sqrt() / 500.0).abs() < 1e-12);
+        assert!(
+            (scaled.pixel_size_mm - 0.05).abs() < 1e-12
+                && (scaled.relative_std - 0.5 * 2f64.sqrt() / 500.0).abs() < 1e-12
+        );
         assert!(matches!(scale_of_lengths(&plane, &[length(-1.0)], 0.5), Err(MarkedError::Number { .. })));
-        assert!(matches!(scale_of_lengths(&plane, &[length(25.0), length(26.0)], 0.5), Err(MarkedError::Lengths { .. })));
+        assert!(matches!(
+            scale_of_lengths(&plane, &[length(25.0), length(26.0)], 0.5),
+            Err(MarkedError::Lengths { .. })
+        ));
     }
 }

@@ -9,6 +9,10 @@ pub(super) type Square = [[f64; 2]; 2];
 
 /// Rows of points along a side of the image at which a camera is checked.
 const CHECKED: usize = 17;
+/// Change of the area above which a distortion is mild.
+const MILD: f64 = 0.5;
+/// Change of the area below which it is taken to fold.
+const FOLD: f64 = 0.05;
 
 /// A camera, its parameters and their uncertainty.
 ///
@@ -63,7 +67,8 @@ impl Camera {
         let camera = Self { shape, columns };
         let [width, height] = camera.shape.image_size_px.map(|n| (n - 1) as f64 / (CHECKED - 1) as f64);
         for at in (0..CHECKED * CHECKED).map(|k| [(k % CHECKED) as f64 * width, (k / CHECKED) as f64 * height]) {
-            camera.plane(at).ok_or(CameraError::Folds { x: at[0], y: at[1] })?;
+            let is_seen = camera.undistorted_along(camera.normalised(at)).is_some() && camera.plane(at).is_some();
+            is_seen.then_some(()).ok_or(CameraError::Folds { x: at[0], y: at[1] })?;
         }
         Ok(camera)
     }
@@ -119,8 +124,7 @@ impl Camera {
     pub fn plane(&self, px: Point) -> Option<Point> {
         let [cx, cy] = [self.shape.theta[5], self.shape.theta[6]];
         let focal = self.shape.focal_px;
-        let wanted = [(px[0] - cx) / focal[0], (px[1] - cy) / focal[1]];
-        let n = self.undistorted(wanted)?;
+        let n = self.undistorted(self.normalised(px))?;
         let q = [n[0] * focal[0], n[1] * focal[1]];
         // (A - q h^T) d = q
         let (h, a) = (self.tilt(), self.stretch());
@@ -175,6 +179,10 @@ impl Camera {
         Some(times(slope, sum))
     }
 
+    fn normalised(&self, px: Point) -> Point {
+        [0, 1].map(|c| (px[c] - self.shape.theta[5 + c]) / self.shape.focal_px[c])
+    }
+
     fn tilt(&self) -> Point {
         [self.shape.theta[7], self.shape.theta[8]]
     }
@@ -225,42 +233,42 @@ impl Camera {
         [0, 1].map(|i| [0, 1].map(|j| f[i] * slope[i][j] / f[j]))
     }
 
-    /// Inverts the distortion by Newton's method from the centre outwards, in steps along the ray: a fold between is then
-    /// never passed.
+    /// Inverts the distortion: by Newton's method from the place itself where the distortion is mild, else along the ray.
     fn undistorted(&self, wanted: Point) -> Option<Point> {
         if self.shape.theta[..5].iter().all(|&k| k == 0.0) {
             return wanted.iter().all(|v| v.is_finite()).then_some(wanted);
         }
+        self.newton(wanted, wanted, MILD).or_else(|| self.undistorted_along(wanted))
+    }
+
+    /// The same from the centre outwards, in steps along the ray: a fold between is never passed.
+    fn undistorted_along(&self, wanted: Point) -> Option<Point> {
         const STEPS: usize = 4;
-        const FEWEST_SLOPE: f64 = 0.05;
-        let mut n = [0.0; 2];
-        for step in 1..=STEPS {
+        (1..=STEPS).try_fold([0.0; 2], |before: Point, step| {
             let goal = wanted.map(|v| v * step as f64 / STEPS as f64);
             // A guess at the same distortion as before.
-            n = n.map(|v| v * step as f64 / (step - 1).max(1) as f64);
-            if step == 1 {
-                n = goal;
-            }
-            let mut settled = false;
-            for _ in 0..30 {
-                let slope = self.distortion_slope(n);
-                if slope[0][0] * slope[1][1] - slope[0][1] * slope[1][0] < FEWEST_SLOPE {
-                    return None;
-                }
-                let at = self.distorted(n);
-                let correction = times(inverse(slope)?, [goal[0] - at[0], goal[1] - at[1]]);
-                n = [n[0] + correction[0], n[1] + correction[1]];
-                // Newton's steps square their error: what follows one of 1e-10 is round-off.
-                if correction[0].hypot(correction[1]) <= 1e-10 * (1.0 + n[0].hypot(n[1])) {
-                    settled = true;
-                    break;
-                }
-            }
-            if !settled {
+            let start = if step == 1 { goal } else { before.map(|v| v * step as f64 / (step - 1) as f64) };
+            self.newton(goal, start, FOLD)
+        })
+    }
+
+    /// Newton's method; `None` where the area shrinks below `least`, or it does not settle.
+    fn newton(&self, goal: Point, start: Point, least: f64) -> Option<Point> {
+        let mut n = start;
+        for _ in 0..30 {
+            let slope = self.distortion_slope(n);
+            if slope[0][0] * slope[1][1] - slope[0][1] * slope[1][0] < least {
                 return None;
             }
+            let at = self.distorted(n);
+            let correction = times(inverse(slope)?, [goal[0] - at[0], goal[1] - at[1]]);
+            n = [n[0] + correction[0], n[1] + correction[1]];
+            // Newton's steps square their error: what follows one of 1e-9 is round-off.
+            if correction[0].hypot(correction[1]) <= 1e-9 * (1.0 + n[0].hypot(n[1])) {
+                return Some(n);
+            }
         }
-        Some(n)
+        None
     }
 }
 

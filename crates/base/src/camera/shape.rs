@@ -3,8 +3,8 @@
 use crate::linalg::Dense;
 use thiserror::Error;
 
-/// Names of the parameters in files, in order: distortion in OpenCV's order and meaning, centre (px), perspective of the
-/// plane (1/px), and how much longer than high (`stretch`), how skew (`shear`) a tilted plane is seen.
+/// Names of the parameters in files, in order: distortion in OpenCV's order and meaning, centre (px), perspective of
+/// the plane (1/px), and how much longer than high (`stretch`), how skew (`shear`) a tilted plane is seen.
 pub const PARAMETERS: [&str; 11] =
     ["k1", "k2", "p1", "p2", "k3", "centre_x", "centre_y", "tilt_x", "tilt_y", "stretch", "shear"];
 

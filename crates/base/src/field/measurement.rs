@@ -39,8 +39,8 @@ impl Status {
         Self::PartlyLost,
     ];
 
-    /// Number in files: 0 converged, 1 iteration limit, 2 diverged, 3 left the image, 4 unreadable, 5 ambiguous, 6 partly
-    /// lost.
+    /// Number in files: 0 converged, 1 iteration limit, 2 diverged, 3 left the image, 4 unreadable, 5 ambiguous, 6
+    /// partly lost.
     pub fn code(self) -> u8 {
         self as u8
     }

@@ -10,8 +10,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// How the camera sees the plane of the specimen (docs/theory/22-camera.md). With it strains, and all that is in mm, are
-/// those of the plane; what is in px stays as the images show it.
+/// How the camera sees the plane of the specimen (docs/theory/22-camera.md). With it strains, and all that is in mm,
+/// are those of the plane; what is in px stays as the images show it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args), command(next_help_heading = "Input"))]
 #[serde(deny_unknown_fields)]
@@ -20,8 +20,8 @@ pub struct CaseCamera {
     /// those of the file.
     #[cfg_attr(feature = "cli", arg(long = "camera", value_name = "FILE"))]
     pub file: Option<String>,
-    /// Whether there is nothing to be known: no uncertainty of the camera is reckoned with, nor is a usual lens where no
-    /// distortion is stated.
+    /// Whether there is nothing to be known: no uncertainty of the camera is reckoned with, nor is a usual lens where
+    /// no distortion is stated.
     #[schemars(extend("default" = false, "x-implied" = true))]
     #[cfg_attr(feature = "cli", arg(skip))]
     pub exact: Option<bool>,
@@ -39,11 +39,12 @@ pub struct CaseCamera {
     /// reckoned with: none, with a standard uncertainty of 0.1 % at the corner.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub distortion: Option<Vec<f64>>,
-    /// Perspective of a plane that is not square to the camera, 1/px: along `[x, y]` the scale falls by this much per px.
+    /// Perspective of a plane that is not square to the camera, 1/px: along `[x, y]` the scale falls by this much per
+    /// px.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub tilt_per_px: Option<[f64; 2]>,
-    /// `[stretch, shear]` of a plane that is not square: by how much it is seen longer along x than along y, halved, and
-    /// how skew.
+    /// `[stretch, shear]` of a plane that is not square: by how much it is seen longer along x than along y, halved,
+    /// and how skew.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub stretch: Option<[f64; 2]>,
     /// Standard uncertainties of `distortion`. Zero, or not stated: exact.
@@ -71,8 +72,8 @@ pub struct CaseCamera {
     /// Its relative standard uncertainty.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub pixel_size_relative_std: Option<f64>,
-    /// Standard uncertainty of a relative change of the distance to the specimen from frame to frame, `dZ/Z`: it strains
-    /// all that is seen by as much.
+    /// Standard uncertainty of a relative change of the distance to the specimen from frame to frame, `dZ/Z`: it
+    /// strains all that is seen by as much.
     #[schemars(extend("default" = 0.0, "x-implied" = true))]
     #[cfg_attr(feature = "cli", arg(skip))]
     pub distance_std: Option<f64>,

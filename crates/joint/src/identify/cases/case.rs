@@ -16,7 +16,8 @@ use crate::io::case::{
     WeightKind,
 };
 use crate::io::joint::{
-    BoundaryInput, JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunCamera, RunMatrix,
+    BoundaryInput, JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunCamera,
+    RunMatrix,
 };
 use crate::io::run_case::RunCase;
 use crate::mechanics::cohesive::CohesiveLaw;

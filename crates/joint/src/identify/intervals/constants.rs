@@ -280,7 +280,8 @@ impl<'a> AtInstant<'a> {
         let off = of_term.instants.get(self.index)?;
         let mut nodes = self.still();
         if of_term.is_of_border {
-            let border = measured.prescribed.iter().map(|&node| off.get(node as usize).copied()).collect::<Option<_>>()?;
+            let border =
+                measured.prescribed.iter().map(|&node| off.get(node as usize).copied()).collect::<Option<_>>()?;
             let moved = measured.boundary(vec![border]).ok()?;
             nodes = self.tangent.as_ref()?.by_boundary(moved.instants()).pop()?;
         }
