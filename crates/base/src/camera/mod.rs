@@ -1,7 +1,7 @@
 //! The camera: from the plane of the specimen to raw pixels, and what its uncertainty does to what is measured
 //! (THEORY 22).
 //!
-//! Images are never resampled: a field is correlated in raw pixels, and [`Camera::rectify`] maps its coordinates.
+//! Images are never resampled: a field is correlated in raw pixels, and [`Rectifier::rectify`] maps its coordinates.
 //! Beyond that lies **the plane in pixels**: where the specimen is seen squarely and without distortion, at the scale
 //! of the centre of the image. Millimetres are [`PixelSize`](crate::units::PixelSize) times these.
 
@@ -13,7 +13,4 @@ mod shape;
 
 pub use field::{CameraTerm, Rectifier};
 pub use model::Camera;
-pub use shape::{CameraError, CameraShape, Covariance, PARAMETERS, Part, Theta};
-
-/// Distortion at the corner of an image that a usual lens has, of the radius: what is taken where none is stated.
-pub const USUAL_DISTORTION: f64 = 1e-3;
+pub use shape::{CameraError, CameraShape, Covariance, PARAMETERS, Part, Theta, USUAL_DISTORTION};

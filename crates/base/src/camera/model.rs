@@ -1,7 +1,6 @@
 //! The map from the plane to raw pixels, its inverse, and their derivatives.
 
-use super::shape::{CameraError, CameraShape, PARAMETERS, Part, Theta};
-use super::{Covariance, USUAL_DISTORTION};
+use super::shape::{CameraError, CameraShape, Covariance, PARAMETERS, Part, Theta, USUAL_DISTORTION};
 use crate::plane::Point;
 
 /// A matrix of two rows.

@@ -3,6 +3,9 @@
 use crate::linalg::Dense;
 use thiserror::Error;
 
+/// Distortion at the corner of an image that a usual lens has, of the radius: what is taken where none is stated.
+pub const USUAL_DISTORTION: f64 = 1e-3;
+
 /// Names of the parameters in files, in order: distortion in OpenCV's order and meaning, centre (px), perspective of
 /// the plane (1/px), and how much longer than high (`stretch`), how skew (`shear`) a tilted plane is seen.
 pub const PARAMETERS: [&str; 11] =
