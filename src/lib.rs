@@ -65,7 +65,7 @@ struct Mechanics;
 #[cfg(feature = "report")]
 use quadrille_base::digest;
 #[doc(inline)]
-pub use quadrille_base::{field, imaging, mesh, remark, units};
+pub use quadrille_base::{camera, field, imaging, mesh, remark, units};
 #[doc(hidden)]
 pub use quadrille_base::{isa, linalg};
 #[doc(inline)]

@@ -76,6 +76,7 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     let outcome = match cli.command {
         args::Command::Correlate(args) => measure::correlate::run(&args, paint),
         args::Command::Watch(args) => measure::watch::run(&args, paint),
+        args::Command::Calibrate(args) => measure::calibrate::run(&args, paint),
         args::Command::Status(args) => measure::status::run(&args, Paint::of_stdout(cli.color)),
         args::Command::Slurm(args) => measure::slurm::run(&args),
         args::Command::Export(args) => look::export::run(&args),

@@ -1,5 +1,6 @@
 //! What can be drawn of a frame, and how.
 
+use crate::camera::Rectifier;
 use crate::field::{RemoveRigid, StrainDefinition, StrainWindow, UnknownChoice};
 use crate::units::PixelSize;
 use std::fmt;
@@ -188,6 +189,8 @@ pub struct FigureOptions {
     pub rigid: RemoveRigid,
     /// The scale, for axes in mm beside those in px.
     pub pixel_size: Option<PixelSize>,
+    /// Maps fields into the plane, whose strains are drawn; those of the image without it.
+    pub camera: Option<Rectifier>,
     /// Largest less smallest grey level of the reference: 100 % of the residual.
     pub range_grey: Option<f64>,
     /// Whether the noise of neighbouring nodes is correlated as that of an unregularised correlation; otherwise
@@ -214,6 +217,7 @@ impl Default for FigureOptions {
             strain_on_nodes: false,
             rigid: RemoveRigid::Zone,
             pixel_size: None,
+            camera: None,
             range_grey: None,
             known_noise: true,
             guard_px: Vec::new(),

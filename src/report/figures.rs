@@ -112,12 +112,14 @@ impl<'a> Frame<'a> {
         options: &'a FigureOptions,
     ) -> Result<Self, ReportError> {
         let strained = options.figures.iter().any(|figure| figure.strain().is_some());
-        let strain = strained.then(|| StrainField::of(measurement, options.strain));
+        let in_plane = options.camera.as_ref().map(|camera| camera.rectify(measurement));
+        let plane = in_plane.as_ref().unwrap_or(measurement);
+        let strain = strained.then(|| StrainField::of(plane, options.strain));
         let window = match options.figures.iter().any(|figure| figure.is_of_window()) {
             true => {
                 let window = options.strain_window.ok_or(ReportError::NoWindow)?;
-                let windows = StrainWindows::new(&measurement.mesh, window, !options.known_noise);
-                Some(windows.of(measurement, options.strain))
+                let windows = StrainWindows::new(&plane.mesh, window, !options.known_noise);
+                Some(windows.of(plane, options.strain))
             }
             false => None,
         };

@@ -39,6 +39,9 @@ impl VirtualTest {
              deformed = \"images/*.png\"\n\
              pixel_size_mm = {PIXEL_MM}\n\
              \n\
+             [camera]\n\
+             exact = true                          # the images were computed without a lens\n\
+             \n\
              [correlation]\n\
              element_size_px = {ELEMENT_PX}\n\
              \n\

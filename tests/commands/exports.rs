@@ -49,7 +49,9 @@ fn strains() -> StrainField {
 
 fn table(header: &[String], pixel_size: Option<PixelSize>) -> String {
     let mut out = Vec::new();
-    write_displacements(&mut out, header, &two_zones(), Some(&strains()), pixel_size).unwrap();
+    let field = two_zones();
+    let plane = pixel_size.map(|size| (size, &field));
+    write_displacements(&mut out, header, &field, Some(&strains()), plane).unwrap();
     String::from_utf8(out).unwrap()
 }
 
@@ -109,7 +111,8 @@ fn a_table_and_a_grid_carry_the_model_error_where_it_is_known() {
     field.model_error = Some(ModelError { nodes: nodes.clone(), misfit: vec![0.5; n_elements] });
     for (strains, pixel_size) in [(None, None), (Some(strains()), PixelSize::new(0.002))] {
         let mut out = Vec::new();
-        write_displacements(&mut out, &[], &field, strains.as_ref(), pixel_size).unwrap();
+        let plane = pixel_size.map(|size| (size, &field));
+        write_displacements(&mut out, &[], &field, strains.as_ref(), plane).unwrap();
         let text = String::from_utf8(out).unwrap();
         assert!(text.contains(",model_error_ux_px,model_error_uy_px\n"), "{text}");
         for row in read_displacements(text.as_bytes()).unwrap() {
@@ -166,7 +169,8 @@ fn a_table_and_a_grid_carry_values_at_points_beside_the_coefficients_where_they_
     let sigma = vec![[0.003, 0.25]; n];
     field.points = Some(PointField { displacement: displacement.clone(), sigma, is_value: is_value.clone() });
     let mut out = Vec::new();
-    write_displacements(&mut out, &[], &field, Some(&strains()), PixelSize::new(0.5)).unwrap();
+    let plane = PixelSize::new(0.5).map(|size| (size, &field));
+    write_displacements(&mut out, &[], &field, Some(&strains()), plane).unwrap();
     let text = String::from_utf8(out).unwrap();
     assert!(text.contains(",ux_point_px,uy_point_px,sigma_ux_point_px,sigma_uy_point_px,is_point_value\n"), "{text}");
     let rows = read_displacements(text.as_bytes()).unwrap();

@@ -11,6 +11,7 @@ mod readers;
 mod armour;
 mod bad_input;
 mod book;
+mod camera;
 mod cli;
 mod doors;
 mod exports;

@@ -13,6 +13,7 @@ use quadrille::io::load::{FrameTimes, parse_frame_times, parse_load, parse_recor
 use quadrille::io::mask::parse_mask;
 use quadrille::io::mesh_file::parse_mesh;
 use quadrille::io::npz::read_npz;
+use quadrille::io::opencv::parse_opencv;
 use quadrille::io::store::{Store, StoreHeader, StoreWriter};
 use quadrille::mechanics::{Joint, JointMesh, JointParts};
 use quadrille::mesh::{Mesh, Roi, Zone};
@@ -105,6 +106,7 @@ pub fn meshes(data: &[u8]) {
 /// Case files of every command.
 pub fn cases(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
+    let _ = parse_opencv(text);
     let path = Path::new("case.toml");
     // Read once for all: `parse_case` and `parse_run_case` do no more than this.
     let Ok(document) = CaseDocument::parse(text, path) else { return };
@@ -117,6 +119,9 @@ pub fn cases(data: &[u8]) {
     if let Ok(case) = document.clone().run() {
         assert!(case.thickness_mm.is_finite());
         CaseDocument::parse(&case.joint_case("run", true), path).unwrap_or_else(|error| panic!("{error}"));
+    }
+    if let Some(camera) = &document.case.camera {
+        let _ = camera.camera([64, 48]);
     }
     let _ = document.joint();
 }

@@ -576,9 +576,9 @@ fn tables(
 ) -> (BTreeMap<String, String>, Vec<Remark>, Vec<quadrille::field::Curve>) {
     let folder = tempfile::tempdir().unwrap();
     let open = |name: &str| std::fs::File::create(folder.path().join(name));
-    let size = mm.then(|| PixelSize::new(0.01).unwrap());
+    let size = mm.then(|| (PixelSize::new(0.01).unwrap(), 0.0));
     let mut tables =
-        QuantityTables::new(quantities, load, size, false, 16.0, &["a test\nof two lines".into()], open).unwrap();
+        QuantityTables::new(quantities, load, None, size, false, 16.0, &["a test\nof two lines".into()], open).unwrap();
     for (number, field) in (1..).zip(fields) {
         let status = field.map_or(Status::Diverged, |field| field.status);
         tables.frame(number, Some(status), *field).unwrap();

@@ -91,8 +91,15 @@ impl Known {
         let noise = white(2 * nodes.len(), sigma);
         let start = |k: usize| (k, TRUTH[k] * [1.01, 0.996, 1.004][k], None, None);
         let unknowns = Unknowns::new(&adhesive([1.0; 4]), &[start(0), start(1), start(2)]).unwrap();
-        let observation =
-            Arc::new(Observation { nodes, compared, prescribed, instants, pixel_size_mm: None, force: None });
+        let observation = Arc::new(Observation {
+            nodes,
+            compared,
+            prescribed,
+            instants,
+            pixel_size_mm: None,
+            force: None,
+            camera: Vec::new(),
+        });
         Problem { joint, observation, noise: Arc::new(noise), unknowns, watch: FitWatch::default() }
     }
 }

@@ -2,6 +2,7 @@
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used))]
 
+pub mod camera;
 pub mod clock;
 pub mod digest;
 pub mod field;

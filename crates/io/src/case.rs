@@ -4,6 +4,7 @@
 //! takes its view of it, which refuses sections of others: [`CaseDocument::correlation`], [`CaseDocument::joint`],
 //! [`CaseDocument::run`].
 
+mod camera;
 mod crack_path;
 mod document;
 mod drives;
@@ -21,6 +22,7 @@ mod schema;
 mod section;
 mod setup;
 
+pub use camera::{CaseCamera, CaseCameraError, parse_camera, read_camera, write_camera};
 pub use crack_path::CrackPath;
 pub use document::{CaseDocument, parse_case, read_case, read_document, write_case};
 pub use drives::{CaseAppliedLoad, CaseHistory, CasePath, CasePathControl, CaseSupport, CaseTied};
@@ -68,6 +70,9 @@ pub struct CaseFile {
     /// Which images.
     #[serde(default, skip_serializing_if = "is_default")]
     pub images: CaseImages,
+    /// How the camera sees the plane of the specimen (docs/theory/22-camera.md). Without it no distortion is taken off,
+    /// and the uncertainty of a usual lens is reckoned with.
+    pub camera: Option<CaseCamera>,
     /// How to correlate.
     #[serde(default, skip_serializing_if = "is_default")]
     pub correlation: CaseCorrelation,

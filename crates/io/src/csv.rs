@@ -4,6 +4,7 @@ use crate::field::{ElementMark, Measurement, StrainField, TensorStrain};
 use crate::units::{PixelSize, Px};
 use ::csv::{ReaderBuilder, StringRecord, WriterBuilder};
 use std::io::{self, Read, Write};
+use std::sync::Arc;
 use thiserror::Error;
 
 const STRAIN_COLUMNS: [&str; 3] = ["exx", "eyy", "exy"];
@@ -109,8 +110,9 @@ pub struct DisplacementRow {
 /// The columns are `node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px`, with a `strain` also `exx,eyy,exy`
 /// (without dimension; empty where it is not known), with a window of nodes these again over the window with their
 /// standard uncertainty (`exx_window` to `sigma_exy_window`) and, where it is known, their model error
-/// (`model_error_exx_window` to `model_error_exy_window`), and with a `pixel_size` the six in px again in mm; where
-/// they are known, `model_error_ux_px,model_error_uy_px` stand behind, then
+/// (`model_error_exx_window` to `model_error_exy_window`), and with a pixel size and the field in the `plane` (where
+/// nothing is known of the camera the same field) the six again in mm of the plane; where they are known,
+/// `model_error_ux_px,model_error_uy_px` stand behind, then
 /// `ux_point_px,uy_point_px,sigma_ux_point_px,sigma_uy_point_px,is_point_value`, the displacement as a value at the
 /// point ([`PointField`](crate::field::PointField)), and `mark` last, the name of what is the matter with an element of
 /// the node ([`ElementMark`]). Numbers are the shortest that read back to the same bits: of 64 for positions and
@@ -139,7 +141,7 @@ pub fn write_displacements<W: Write>(
     header: &[String],
     measurement: &Measurement<Px>,
     strain: Option<&StrainField>,
-    pixel_size: Option<PixelSize>,
+    plane: Option<(PixelSize, &Measurement<Px>)>,
 ) -> io::Result<()> {
     for line in header.iter().flat_map(|text| text.split(['\n', '\r'])) {
         writeln!(out, "# {line}")?;
@@ -172,8 +174,11 @@ pub fn write_displacements<W: Write>(
             writeln!(out, "# {line}")?;
         }
     }
-    if let Some(size) = pixel_size {
+    if let Some((size, field)) = plane {
         writeln!(out, "# 1 px = {:?} mm; the columns in mm have the same frame, y down", size.mm_per_px())?;
+        if !Arc::ptr_eq(&field.mesh, &measurement.mesh) {
+            writeln!(out, "# columns in mm and strains are those of the plane: the camera is taken off; px are raw")?;
+        }
     }
     let mut table = WriterBuilder::new().has_headers(false).from_writer(out);
     let strain_columns = if strain.is_some() { &STRAIN_COLUMNS[..] } else { &[] };
@@ -181,7 +186,7 @@ pub fn write_displacements<W: Write>(
     let window_columns = if window.is_some() { &WINDOW_COLUMNS[..] } else { &[] };
     let window_model = window.and_then(|window| Some((window, window.model_error.as_ref()?)));
     let window_model_columns = if window_model.is_some() { &WINDOW_MODEL_COLUMNS[..] } else { &[] };
-    let mm_columns = if pixel_size.is_some() { &MM_COLUMNS[..] } else { &[] };
+    let mm_columns = if plane.is_some() { &MM_COLUMNS[..] } else { &[] };
     let model_columns = if measurement.model_error.is_some() { &MODEL_COLUMNS[..] } else { &[] };
     let of_strains = strain_columns.iter().chain(window_columns).chain(window_model_columns);
     let columns = ["node", "zone"].iter().chain(&PX_COLUMNS).chain(of_strains).chain(mm_columns);
@@ -198,9 +203,10 @@ pub fn write_displacements<W: Write>(
         // As the store holds it: the table of a stored frame is that of the run, to the last digit.
         let sigma = measurement.sigma[node].map(|v| v as f32);
         let px = ([x, y, ux, uy], sigma);
-        let mm = pixel_size.map(|size| {
+        let mm = plane.map(|(size, field)| {
             let mm = |v| size.mm_from_px(v);
-            ([x, y, ux, uy].map(mm), sigma.map(|v| mm(f64::from(v)) as f32))
+            let ([x, y], [ux, uy]) = (field.mesh.nodes()[node], field.displacement[node]);
+            ([x, y, ux, uy].map(mm), field.sigma[node].map(|v| mm(f64::from(v as f32)) as f32))
         });
         let strain = strain.map(|field| match field.nodes[node] {
             Some(strain) => strain.components().map(|e| Some(e as f32)),

@@ -19,7 +19,7 @@
 #[doc(hidden)]
 pub extern crate self as io;
 
-pub use quadrille_base::{digest, field, imaging, linalg, mesh, plane, remark, units};
+pub use quadrille_base::{camera, digest, field, imaging, linalg, mesh, plane, remark, units};
 
 pub mod arrays;
 pub mod case;
@@ -31,6 +31,7 @@ pub mod mask;
 pub mod mat;
 pub mod mesh_file;
 pub mod npz;
+pub mod opencv;
 pub mod quantities;
 pub mod run_case;
 pub mod series;

@@ -7,6 +7,7 @@
 
 use super::csv::{PX_COLUMNS, WINDOW_COLUMNS, WINDOW_MODEL_COLUMNS};
 use super::load::LoadTable;
+use crate::camera::{CameraTerm, Rectifier};
 use crate::field::{
     CrackLine, CrackTip, Curve, ElementMark, Elongation, FrameQuantities, Jump, Measurement, NodalNoise, OPEN_BY_SIGMA,
     PointValues, Quantities, Status, StrainWindows, TensorStrain, TipState, Value,
@@ -32,6 +33,7 @@ pub struct QuantityTables<'a, W: Write> {
     quantities: &'a Quantities,
     load: &'a LoadTable,
     tables: [Option<Table<W>>; 8],
+    camera: Option<&'a Rectifier>,
     noise: Option<NodalNoise>,
     windows: Option<StrainWindows>,
     bound: bool,
@@ -87,22 +89,68 @@ struct Trace {
 struct Table<W: Write> {
     out: ::csv::Writer<W>,
     columns: Vec<&'static str>,
+    /// Places among the columns of what the camera makes uncertain; none where it is exact.
+    of_camera: Vec<usize>,
     mm: Option<PixelSize>,
+    /// Relative standard uncertainty of the size of a pixel.
+    scale_std: f64,
 }
 
+/// What is drawn from a field, and from the same field when the camera is off, in each direction of its parameters.
+struct Drawn {
+    values: FrameQuantities,
+    changed: Vec<FrameQuantities>,
+}
+
+/// Columns that the uncertainty of the camera has a column for.
+const OF_CAMERA: [&str; 13] = [
+    "ux_px",
+    "uy_px",
+    "exx",
+    "eyy",
+    "exy",
+    "exx_window",
+    "eyy_window",
+    "exy_window",
+    "elongation_px",
+    "strain_engineering",
+    "strain_true",
+    "opening_px",
+    "sliding_px",
+];
+
 impl<W: Write> Table<W> {
-    /// A row with its key cells, then its numbers and their twins in mm.
-    fn row(&mut self, keys: &[String], numbers: &[Option<f64>]) -> io::Result<()> {
+    /// A row with its key cells, then the numbers that `cells` takes of what is drawn, what the camera makes of them,
+    /// and the twins in mm of both.
+    fn row(
+        &mut self,
+        keys: &[String],
+        drawn: Option<&Drawn>,
+        cells: impl Fn(Option<&FrameQuantities>) -> Vec<Option<f64>>,
+    ) -> io::Result<()> {
         for key in keys {
             self.out.write_field(key)?;
         }
         let cell = |number: Option<f64>| number.filter(|v| v.is_finite()).map_or(String::new(), |v| format!("{v:?}"));
-        for &number in numbers {
+        let numbers = cells(drawn.map(|drawn| &drawn.values));
+        let changed: Vec<_> =
+            drawn.iter().flat_map(|drawn| &drawn.changed).map(|changed| cells(Some(changed))).collect();
+        let camera = |at: usize| {
+            let off = |list: &Vec<Option<f64>>| Some((list[at]? - numbers[at]?).powi(2));
+            numbers[at].and_then(|_| changed.iter().map(off).sum::<Option<f64>>()).map(f64::sqrt)
+        };
+        let of_camera: Vec<Option<f64>> = self.of_camera.iter().map(|&at| camera(at)).collect();
+        for &number in numbers.iter().chain(&of_camera) {
             self.out.write_field(cell(number))?;
         }
         if let Some(size) = self.mm {
-            for (&number, _) in numbers.iter().zip(&self.columns).filter(|(_, name)| name.ends_with("_px")) {
+            let is_px = |at: usize| self.columns[at].ends_with("_px");
+            for &number in (0..self.columns.len()).filter(|&at| is_px(at)).map(|at| &numbers[at]) {
                 self.out.write_field(cell(number.map(|px| size.mm_from_px(px))))?;
+            }
+            for (&at, camera) in self.of_camera.iter().zip(&of_camera).filter(|(at, _)| is_px(**at)) {
+                let both = camera.zip(numbers[at]).map(|(camera, value)| camera.hypot(self.scale_std * value));
+                self.out.write_field(cell(both.map(|px| size.mm_from_px(px))))?;
             }
         }
         self.out.write_record(None::<&[u8]>)?;
@@ -126,11 +174,14 @@ impl<'a, W: Write> QuantityTables<'a, W> {
     /// the comment lines `header` and the definitions of its columns.
     ///
     /// With `regularised` fields the noise of neighbouring nodes is correlated in a way that is not known, and
-    /// standard uncertainties are upper bounds.
+    /// standard uncertainties are upper bounds. Fields are those in the plane that `camera` has made; where it is not
+    /// exact, columns `camera_` say what its uncertainty does. `pixel_size` comes with its relative standard
+    /// uncertainty.
     pub fn new(
         quantities: &'a Quantities,
         load: &'a LoadTable,
-        pixel_size: Option<PixelSize>,
+        camera: Option<&'a Rectifier>,
+        pixel_size: Option<(PixelSize, f64)>,
         regularised: bool,
         element_size_px: f64,
         header: &[String],
@@ -158,19 +209,30 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                 continue;
             }
             let mut out = open(QUANTITY_TABLES[k])?;
-            let said = definitions(q, QUANTITY_TABLES[k], regularised, element_size_px, pixel_size);
-            for line in header.iter().chain(&said).flat_map(|text| text.split(['\n', '\r'])) {
+            let of_camera = match camera.is_some_and(|camera| !camera.camera().is_exact()) {
+                true => (0..columns.len()).filter(|&at| OF_CAMERA.contains(&columns[at])).collect(),
+                false => Vec::new(),
+            };
+            let of_plane = said_of_camera(camera, !of_camera.is_empty());
+            let scale = pixel_size.map(|(size, _)| size);
+            let said = definitions(q, QUANTITY_TABLES[k], regularised, element_size_px, scale);
+            for line in header.iter().chain(&said).chain(&of_plane).flat_map(|text| text.split(['\n', '\r'])) {
                 writeln!(out, "# {line}")?;
             }
             let mut out = ::csv::WriterBuilder::new().has_headers(false).from_writer(out);
+            let cameras: Vec<String> = of_camera.iter().map(|&at| format!("camera_{}", columns[at])).collect();
             let mm: Vec<String> = match pixel_size {
-                Some(_) => columns.iter().filter_map(|c| Some(format!("{}_mm", c.strip_suffix("_px")?))).collect(),
+                Some(_) => {
+                    let all = columns.iter().copied().chain(cameras.iter().map(String::as_str));
+                    all.filter_map(|c| Some(format!("{}_mm", c.strip_suffix("_px")?))).collect()
+                }
                 None => Vec::new(),
             };
             let names = ["frame", "status"].into_iter().chain(load.columns.iter().map(|column| column.name.as_str()));
-            let names = names.chain(keys).chain(columns.iter().copied()).chain(mm.iter().map(String::as_str));
-            out.write_record(names)?;
-            tables[k] = Some(Table { out, columns, mm: pixel_size });
+            let names = names.chain(keys).chain(columns.iter().copied());
+            out.write_record(names.chain(cameras.iter().chain(&mm).map(String::as_str)))?;
+            let scale_std = pixel_size.map_or(0.0, |(_, std)| std);
+            tables[k] = Some(Table { out, columns, of_camera, mm: scale, scale_std });
         }
         let of_points = PointValues::quantities(q.window).iter().map(|(quantity, _)| *quantity).collect::<Vec<_>>();
         let traced = (q.points.iter().map(|(name, _)| (name, of_points.clone())))
@@ -192,6 +254,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             quantities,
             load,
             tables,
+            camera,
             noise: None,
             windows: None,
             bound: regularised,
@@ -222,16 +285,21 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             if let (None, Some(window)) = (&self.windows, self.quantities.window) {
                 self.windows = Some(StrainWindows::new(&field.mesh, window, self.bound));
             }
-            self.quantities.draw(field, noise, self.windows.as_ref())
+            let windows = self.windows.as_ref();
+            let terms = self.camera.map_or_else(Vec::new, |camera| camera.terms(field));
+            let off = |term: CameraTerm| self.quantities.draw(&field.changed(&term.change), noise, windows);
+            Drawn { values: self.quantities.draw(field, noise, windows), changed: terms.into_iter().map(off).collect() }
         });
+        let whole = drawn.as_ref();
+        let drawn = whole.map(|drawn| &drawn.values);
         self.frames.push(number);
-        match &drawn {
+        match drawn {
             Some(drawn) => self.count_missing(drawn),
             None => self.without_field.push(number),
         }
-        self.keep_traces(drawn.as_ref());
+        self.keep_traces(drawn);
         for (k, history) in self.cracks.iter_mut().enumerate() {
-            let Some(values) = drawn.as_ref().map(|drawn| &drawn.cracks[k]) else { continue };
+            let Some(values) = drawn.map(|drawn| &drawn.cracks[k]) else { continue };
             let places = self.quantities.cracks[k].1.points().iter().zip(&values.points);
             let places = places.filter_map(|(point, jump)| Some((point.along, (*jump)?))).collect();
             let given = values.points.iter().zip(&values.marks).filter(|(jump, _)| jump.is_some());
@@ -242,38 +310,39 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         for column in &self.load.columns {
             keys.push(column.at(number).map_or(String::new(), |value| format!("{value:?}")));
         }
-        self.write(&keys, drawn.as_ref(), field.map(|field| &*field.mesh))?;
-        Ok(drawn)
+        self.write(&keys, whole, field.map(|field| &*field.mesh))?;
+        Ok(whole.map(|drawn| drawn.values.clone()))
     }
 
-    fn write(&mut self, keys: &[String], drawn: Option<&FrameQuantities>, mesh: Option<&Mesh<Px>>) -> io::Result<()> {
+    fn write(&mut self, keys: &[String], drawn: Option<&Drawn>, mesh: Option<&Mesh<Px>>) -> io::Result<()> {
         let q = self.quantities;
         let with = |names: &[&str]| [keys, &names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>()].concat();
         let [points, lines, extensometers, openings, means, rigid, cracks, tips] = &mut self.tables;
         if let Some(table) = points {
             for (k, (name, at)) in q.points.iter().enumerate() {
-                let values = drawn.and_then(|drawn| drawn.points[k]);
-                table.row(&with(&[name]), &point_cells(*at, values, q.window.is_some()))?;
+                table.row(&with(&[name]), drawn, |drawn| {
+                    point_cells(*at, drawn.and_then(|drawn| drawn.points[k]), q.window.is_some())
+                })?;
             }
         }
         if let Some(table) = lines {
             for (k, (name, line)) in q.lines.iter().enumerate() {
                 for (i, (along, at)) in line.points().into_iter().enumerate() {
-                    let values = drawn.and_then(|drawn| drawn.lines[k][i]);
-                    let cells = point_cells(at, values, q.window.is_some());
-                    table.row(&with(&[name]), &[&[Some(along)][..], &cells].concat())?;
+                    table.row(&with(&[name]), drawn, |drawn| {
+                        let values = drawn.and_then(|drawn| drawn.lines[k][i]);
+                        [&[Some(along)][..], &point_cells(at, values, q.window.is_some())].concat()
+                    })?;
                 }
             }
         }
         if let Some(table) = extensometers {
             for (k, (name, extensometer)) in q.extensometers.iter().enumerate() {
                 let [from, to] = extensometer.ends();
-                let mut cells = vec![Some(distance(to, from))];
-                let read = drawn.and_then(|drawn| drawn.extensometers[k]);
-                for (_, value) in Elongation::QUANTITIES {
-                    cells.extend(pair(read.as_ref().map(value)));
-                }
-                table.row(&with(&[name]), &cells)?;
+                table.row(&with(&[name]), drawn, |drawn| {
+                    let read = drawn.and_then(|drawn| drawn.extensometers[k]);
+                    let of_it = Elongation::QUANTITIES.map(|(_, value)| pair(read.as_ref().map(value)));
+                    [Some(distance(to, from))].into_iter().chain(of_it.into_iter().flatten()).collect()
+                })?;
             }
         }
         let at_joint =
@@ -281,45 +350,50 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         if let Some(table) = openings {
             for (k, (name, facing)) in q.openings.iter().enumerate() {
                 for (i, point) in facing.points().iter().enumerate() {
-                    let jump = drawn.and_then(|drawn| drawn.openings[k].points[i]);
                     let ([x, y], [nx, ny]) = (point.at, point.normal);
-                    let cells = at_joint(&[point.along, x, y, point.gap, nx, ny], jump);
-                    table.row(&with(&[name, &(point.part + 1).to_string()]), &cells)?;
+                    table.row(&with(&[name, &(point.part + 1).to_string()]), drawn, |drawn| {
+                        let jump = drawn.and_then(|drawn| drawn.openings[k].points[i]);
+                        at_joint(&[point.along, x, y, point.gap, nx, ny], jump)
+                    })?;
                 }
             }
         }
         if let Some(table) = means {
             for (k, (name, _)) in q.openings.iter().enumerate() {
-                table.row(&with(&[name]), &jump_cells(drawn.and_then(|drawn| drawn.openings[k].mean)))?;
+                let mean = |drawn: Option<&FrameQuantities>| drawn.and_then(|drawn| drawn.openings[k].mean);
+                table.row(&with(&[name]), drawn, |drawn| jump_cells(mean(drawn)))?;
             }
         }
         if let Some(table) = cracks {
             for (k, (name, crack)) in q.cracks.iter().enumerate() {
                 for (i, point) in crack.points().iter().enumerate() {
-                    let jump = drawn.and_then(|drawn| drawn.cracks[k].points[i]);
+                    let jump = |drawn: Option<&FrameQuantities>| drawn.and_then(|drawn| drawn.cracks[k].points[i]);
                     let ([x, y], [nx, ny]) = (point.at, point.normal);
-                    let cells = at_joint(&[point.along, x, y, nx, ny], jump);
-                    let mark = drawn.filter(|_| jump.is_some()).map_or("", |drawn| drawn.cracks[k].marks[i].name());
-                    table.row(&with(&[name, mark]), &cells)?;
+                    let read = drawn.map(|drawn| &drawn.values).filter(|values| jump(Some(values)).is_some());
+                    let mark = read.map_or("", |drawn| drawn.cracks[k].marks[i].name());
+                    table.row(&with(&[name, mark]), drawn, |drawn| {
+                        at_joint(&[point.along, x, y, nx, ny], jump(drawn))
+                    })?;
                 }
             }
         }
         if let Some(table) = tips {
             for (k, (name, crack)) in q.cracks.iter().enumerate() {
                 for (i, (end, _)) in crack.joined().enumerate() {
-                    let tip = drawn.map(|drawn| drawn.cracks[k].tips[i]);
+                    let tip = drawn.map(|drawn| drawn.values.cracks[k].tips[i]);
                     let end = if end == 0 { "first" } else { "last" };
-                    table.row(&with(&[name, end, tip.map_or("", |tip| tip.state.name())]), &tip_cells(tip))?;
+                    let keys = with(&[name, end, tip.map_or("", |tip| tip.state.name())]);
+                    table.row(&keys, drawn, |_| tip_cells(tip).to_vec())?;
                 }
             }
         }
         if let Some(table) = rigid {
-            for removed in drawn.map_or(&[][..], |drawn| &drawn.removed) {
+            for removed in drawn.map_or(&[][..], |drawn| &drawn.values.removed) {
                 let zone = removed.zone.zip(mesh).map_or("all", |(zone, mesh)| &mesh.zones()[zone]);
                 let m = removed.motion;
                 let ([x, y], [tx, ty], degrees) = (m.centre, m.translation, m.rotation_rad.to_degrees());
                 let cells = [x, y, tx, ty, degrees, removed.largest, removed.left_rms];
-                table.row(&with(&[zone]), &cells.map(Some))?;
+                table.row(&with(&[zone]), drawn, |_| cells.map(Some).to_vec())?;
             }
         }
         Ok(())
@@ -482,6 +556,15 @@ fn point_cells(at: [f64; 2], values: Option<PointValues>, windowed: bool) -> Vec
         cells.extend((0..3).map(|k| model.map(|error| error[k])));
     }
     cells
+}
+
+/// What the camera does to the numbers of a table.
+fn said_of_camera(camera: Option<&Rectifier>, has_columns: bool) -> Vec<String> {
+    let plane = camera
+        .filter(|camera| !camera.camera().is_plain())
+        .map(|_| "camera: taken off; all is in the plane of the specimen, with a px as at the centre of the camera");
+    let columns = "camera_: standard uncertainty by the camera, beside sigma; it is common to all places and frames";
+    plane.into_iter().chain(has_columns.then_some(columns)).map(str::to_owned).collect()
 }
 
 /// What the columns of a table mean.

@@ -111,7 +111,8 @@ impl CaseDocument {
             let what = format!("{key}: the mesh is that of the correlation; of this section only refine can be given");
             return Err(refused("mesh", key, what).into());
         }
-        let Some(pixel_size) = correlation.images.pixel_size_mm else {
+        let of_camera = || correlation.camera.as_ref()?.resolved(&correlation.base).ok()?.pixel_size_mm;
+        let Some(pixel_size) = correlation.images.pixel_size_mm.or_else(of_camera) else {
             let what = "pixel_size_mm is missing; mm per pixel turn what is measured into what the joint feels";
             return Err(refused("images", "pixel_size_mm", what.into()).into());
         };

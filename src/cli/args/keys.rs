@@ -1,8 +1,8 @@
 //! Options that are keys of a case: the case knows their defaults, the command line their flags.
 
 use crate::io::case::{
-    CaseCorrelation, CaseCrack, CaseExtensometer, CaseFit, CaseImages, CaseLine, CaseLoad, CaseOpening, CaseProbe,
-    CaseQuantityOptions, CaseZone, schema_of,
+    CaseCamera, CaseCorrelation, CaseCrack, CaseExtensometer, CaseFit, CaseImages, CaseLine, CaseLoad, CaseOpening,
+    CaseProbe, CaseQuantityOptions, CaseZone, schema_of,
 };
 use clap::{Arg, Command};
 use serde_json::Value;
@@ -12,8 +12,9 @@ type Schema = fn() -> Value;
 
 /// Sections that flags say something of, and their schemas. An option has the name of its key, or `SECTION.KEY` where
 /// another section has the same key.
-const SECTIONS: [(&str, Schema); 11] = [
+const SECTIONS: [(&str, Schema); 12] = [
     ("images", schema_of::<CaseImages>),
+    ("camera", schema_of::<CaseCamera>),
     ("correlation", schema_of::<CaseCorrelation>),
     ("zone", schema_of::<CaseZone>),
     ("crack", schema_of::<CaseCrack>),
@@ -28,7 +29,7 @@ const SECTIONS: [(&str, Schema); 11] = [
 
 /// The sections with the commands whose flags are their keys.
 const COMMANDS: [(&[&str], &[&str]); 3] = [
-    (&["correlate", "watch"], &["images", "correlation", "zone", "crack"]),
+    (&["correlate", "watch", "calibrate"], &["images", "camera", "correlation", "zone", "crack"]),
     (&["probe"], &["quantities", "load", "probe", "line", "extensometer", "opening"]),
     (&["identify"], &["fit"]),
 ];

@@ -4,6 +4,7 @@ use super::fields::Target;
 use super::shared::Threads;
 use super::words::{sbatch_option, seconds, slurm_time, slurm_word};
 use crate::cli::look::frames::Frames;
+use crate::io::case::flags::numbers;
 use crate::run::Request;
 use clap::{ArgAction, Args, ValueEnum};
 use std::num::NonZeroUsize;
@@ -111,6 +112,39 @@ pub struct WatchArgs {
     /// End when no file has arrived or changed for this long. Default: run until Ctrl-C.
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub timeout: Option<Duration>,
+    #[command(flatten)]
+    pub correlate: CorrelateArgs,
+}
+
+/// Arguments of `quadrille calibrate`: those of `quadrille correlate`, and what was marked.
+#[derive(Debug, Args)]
+#[command(
+    mut_arg("deformed", |arg| {
+        arg.value_name("IMAGES")
+            .help("Images of the specimen, moved in its plane by hand between them; the first is the reference. One alone for \
+                   marked points and lengths")
+    }),
+    mut_arg("shard", |arg| arg.hide(true)),
+    after_help = "Examples:\n  \
+    The specimen at rest, moved across, moved along, by 5 to 10 % of the image:\n    \
+    quadrille calibrate a.tif b.tif c.tif --output cal\n  \
+    With its scale, by a ruler of 50 mm in the plane of the specimen:\n    \
+    quadrille calibrate a.tif b.tif c.tif --length 210,400,1810,412,50 --output cal\n  \
+    Of one image, by points whose place is known:\n    \
+    quadrille calibrate a.tif --point 100,90,0,0 --point 900,95,40,0 --point 890,700,40,30 --point 95,690,0,30 --output cal\n\n\
+    DIR/camera.toml is for `--camera` of correlate, or `file` of `[camera]`.\n\n\
+    Exit status: 0 a camera was written; 2 nothing could be found."
+)]
+pub struct CalibrateArgs {
+    /// A length in the plane, px and mm; may be repeated. Ends x0,y0,x1,y1 in the first image, and its mm.
+    #[arg(long, value_name = "x0,y0,x1,y1,MM", value_parser = numbers::<5>, allow_hyphen_values = true)]
+    pub length: Vec<[f64; 5]>,
+    /// A point whose place is known; four or more. Its px in the first image, and its mm along any axes of the plane.
+    #[arg(long, value_name = "x,y,X,Y", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    pub point: Vec<[f64; 4]>,
+    /// Standard uncertainty of what was marked, px.
+    #[arg(long, value_name = "PX", default_value = "0.5", allow_hyphen_values = true)]
+    pub mark_std: f64,
     #[command(flatten)]
     pub correlate: CorrelateArgs,
 }

@@ -1,5 +1,6 @@
 //! `quadrille export`.
 
+use crate::camera::Rectifier;
 use crate::cli::args::{ExportArgs, Target};
 use crate::cli::{Outcome, Result, plural, without_doubles};
 use crate::io::arrays::{ArrayFile, ArrayFileError, Shape, Values};
@@ -113,12 +114,21 @@ impl Export<'_> {
     fn write_by_frame(&mut self, target: Target, about: &About) -> Result<()> {
         let Self { store, folder, numbers, .. } = self;
         folder.make(ending(target))?;
+        let camera = Rectifier::new(about.header.camera()?, store.mesh())?;
         for (done, &number) in numbers.iter().enumerate() {
             // Both are there: the status was looked at.
             let (Some(frame), Some(strain)) = (store.frame(number)?, store.strain(number)?) else { continue };
             let file = frame_in_words(&frame.file, store.reference_frame(number)?.unwrap_or(0));
             let tables = [target == Target::Csv, target == Target::Vtu];
-            folder.write_tables(tables, number, about, &file, &frame.measurement, &strain)?;
+            folder.write_tables(
+                tables,
+                number,
+                about,
+                &file,
+                &frame.measurement,
+                &camera.rectify(&frame.measurement),
+                &strain,
+            )?;
             self.ticker.tick(ending(target), done + 1, numbers.len());
         }
         if target == Target::Vtu {

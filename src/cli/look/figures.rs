@@ -1,5 +1,6 @@
 //! `quadrille figures`.
 
+use crate::camera::Rectifier;
 use crate::cli::args::{FiguresArgs, FileKind, StrainPlace};
 use crate::cli::look::animate::write_moving;
 use crate::cli::look::frames::Frames;
@@ -46,7 +47,7 @@ pub(crate) fn of_run(run: &Path, frames: &Frames, threads: Option<usize>, quiet:
     let header = store.header();
     let options =
         FigureOptions { strain: header.strain, strain_window: header.strain_window, ..FigureOptions::default() };
-    let options = of_header(header, FigureOptions { figures: usual(header.strain_window), ..options });
+    let options = of_header(header, FigureOptions { figures: usual(header.strain_window), ..options })?;
     RunFigures::new(&store, options, 1, quiet).draw(&numbers, &run.join(FIGURES), threads)
 }
 
@@ -80,7 +81,7 @@ fn options(args: &FiguresArgs, header: &StoreHeader) -> Result<FigureOptions> {
         rigid: args.remove_rigid,
         ..default
     };
-    Ok(of_header(header, options))
+    of_header(header, options)
 }
 
 /// What is drawn of a frame when nobody names it: strains over a window as well, where there is one.
@@ -91,15 +92,16 @@ fn usual(window: Option<StrainWindow>) -> Vec<Figure> {
 }
 
 /// `options` with what the run says.
-fn of_header(header: &StoreHeader, options: FigureOptions) -> FigureOptions {
+fn of_header(header: &StoreHeader, options: FigureOptions) -> Result<FigureOptions> {
     let record = Record::of(header);
-    FigureOptions {
+    Ok(FigureOptions {
         pixel_size: header.pixel_size,
+        camera: Some(Rectifier::new(header.camera()?, &header.mesh)?),
         range_grey: Some(header.range_grey),
         known_noise: !record.is_regularised(),
         guard_px: record.guards_px(header.mesh.zones()),
         ..options
-    }
+    })
 }
 
 /// The frames of a run, and what their figures share.

@@ -1,5 +1,6 @@
 //! Commands that measure displacement fields, and what images allow to measure.
 
+pub(crate) mod calibrate;
 pub(crate) mod correlate;
 mod gauges;
 pub(crate) mod metrology;

@@ -189,7 +189,8 @@ impl RunFolder {
         save_picture(&self.0.join(FIGURES), name, picture)
     }
 
-    /// Writes what is wanted of the tables of frame `number`: its CSV file and its VTU file; gives their names.
+    /// Writes what is wanted of the tables of frame `number`: its CSV file and its VTU file; gives their names. `plane`
+    /// is the field in the plane of the specimen, of which the strains are.
     pub(crate) fn write_tables(
         &self,
         [csv, vtu]: [bool; 2],
@@ -197,13 +198,15 @@ impl RunFolder {
         about: &About,
         file: &str,
         field: &Measurement<Px>,
+        plane: &Measurement<Px>,
         strain: &StrainField,
     ) -> Result<Vec<PathBuf>> {
         let header = &about.header;
         if csv {
             let head = about.table_head(number, file);
             self.write(&csv_name(number), |out| {
-                csv::write_displacements(out, &head, field, Some(strain), header.pixel_size)
+                let mm = header.pixel_size.map(|size| (size, plane));
+                csv::write_displacements(out, &head, field, Some(strain), mm)
             })?;
         }
         if vtu {

@@ -1,5 +1,6 @@
 //! Where the frames of a run go: the store, tables, records.
 
+use crate::camera::Rectifier;
 use crate::correlate::{Correlation, ZoneResult};
 use crate::field::{StartFrom, StrainField, StrainWindows};
 use crate::io::store::{Store, StoreWriter};
@@ -36,6 +37,8 @@ pub(crate) struct Output<'a> {
     /// The same store, for reading.
     pub fields: &'a Store,
     pub about: &'a About,
+    /// Maps fields into the plane of the specimen.
+    pub camera: &'a Rectifier,
     /// Makes the strains over a window, where one is asked for.
     pub windows: Option<StrainWindows>,
     /// Whether this process does all frames.
@@ -93,11 +96,12 @@ impl<'a> Output<'a> {
         if let Some(Correlation { measurement, zones, .. }) = result.as_ref().filter(|_| status.has_field()) {
             // The length is the one that the store says, to the last digit.
             let length_px = about.header.element_size_px;
-            let (strain, encoded) = computing.compute(|| {
-                let window = self.windows.as_ref().map(|windows| windows.of(measurement, plan.strain));
-                let strain = StrainField { length_px, window, ..StrainField::of(measurement, plan.strain) };
+            let (in_plane, strain, encoded) = computing.compute(|| {
+                let plane = self.camera.rectify(measurement);
+                let window = self.windows.as_ref().map(|windows| windows.of(&plane, plan.strain));
+                let strain = StrainField { length_px, window, ..StrainField::of(&plane, plan.strain) };
                 let encoded = store.encode_field(number, measurement, &strain);
-                (strain, encoded)
+                (plane, strain, encoded)
             });
             store.write_encoded(encoded?)?;
             summary.flattened = strain.window.as_ref().and_then(|window| window.flattened);
@@ -112,7 +116,7 @@ impl<'a> Output<'a> {
             }
             files.extend(of_store.iter().filter_map(|path| path.strip_prefix(folder.path()).ok()).map(Path::to_owned));
             let tables = [plan.csv, plan.vtu];
-            files.extend(folder.write_tables(tables, number, about, &file, measurement, &strain)?);
+            files.extend(folder.write_tables(tables, number, about, &file, measurement, &in_plane, &strain)?);
         }
         if let Some(Correlation { measurement, .. }) = result.as_ref().filter(|_| !status.has_field()) {
             store.write_residual(number, measurement)?;

@@ -1,5 +1,6 @@
 //! What the page of a run shows beside its fields: the fit of a joint, and what its model is off by.
 
+use crate::camera::Rectifier;
 use crate::field::{Measurement, Status};
 use crate::io::joint::read_joint;
 use crate::io::store::Store;
@@ -107,10 +108,13 @@ pub fn model_less_measured(folder: &Path) -> Result<Option<Off>> {
     let joint = Joint::new(&read_joint(&case)?)?;
     let converged = frames_that(|status| status == Some(Status::Converged), &store)?;
     let computed = fields(folder, &joint, converged.len())?;
+    let camera = Rectifier::new(store.header().camera()?, store.mesh())?;
     let mut off = Off::new();
     for (at, (&number, computed)) in converged.iter().zip(&computed).enumerate() {
         let Some(frame) = store.frame(number)? else { continue };
-        off.extend(off_at(&joint, pixel_size, at, computed, &frame.measurement).map(|off| (number, off)));
+        off.extend(
+            off_at(&joint, pixel_size, at, computed, &camera.displaced(&frame.measurement)).map(|off| (number, off)),
+        );
     }
     Ok((!off.is_empty()).then_some(off))
 }

@@ -1,5 +1,6 @@
 //! The report of a run, from what its steps have written.
 
+use crate::camera::Rectifier;
 use crate::field::{Measurement, Status};
 use crate::imaging::Image;
 use crate::io::images::{Accepted, sha256};
@@ -50,10 +51,11 @@ pub(crate) fn page(
     let store = Store::open(&correlation_folder)?;
     let header = store.header();
     let pixel_size = header.pixel_size.ok_or(RunError::Bug("the correlation has no pixel size"))?;
+    let camera = Rectifier::new(header.camera()?, store.mesh())?;
     let correlation: Summary = read_json(&correlation_folder.join("summary.json"))?;
     let mut frames: Vec<(usize, Measurement<Px>)> = Vec::new();
     for number in 1..=store.n_frames() {
-        let field = store.frame(number)?.map(|frame| frame.measurement);
+        let field = store.frame(number)?.map(|frame| camera.displaced(&frame.measurement));
         frames.extend(field.filter(|field| field.status == Status::Converged).map(|field| (number, field)));
     }
     let page = Record::of(header).page();

@@ -1,5 +1,6 @@
 //! Quantities of a series: from what is asked for to the tables in `DIR/quantities`.
 
+use crate::camera::{CameraError, Rectifier};
 use crate::field::{
     CrackLine, Elasticity, Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment,
     Status, StrainDefinition, StrainWindow,
@@ -8,7 +9,6 @@ use crate::io::case::CaseQuantities;
 use crate::io::load::{LoadTable, read_as_asked};
 use crate::io::quantities::{QUANTITY_TABLES, QuantitySummary, QuantityTables};
 use crate::io::store::Store;
-use crate::mesh::Mesh;
 use crate::run::folder::record::Record;
 use crate::run::words::{Result, RunError};
 use crate::units::{PixelSize, Px};
@@ -19,15 +19,20 @@ use std::path::Path;
 
 pub(crate) const FOLDER: &str = "quantities";
 
-/// What is asked for, on a mesh.
-/// Errors: numbers that mean nothing, names that come twice, zones that are not there or do not face each other, an opening
-/// while the motion of each zone is removed.
+/// What is asked for, on a mesh, in the plane that the camera sees: places are named in px of the image.
+/// Errors: numbers that mean nothing, names that come twice, zones that are not there or do not face each other, an
+/// opening while the motion of each zone is removed.
 pub(crate) fn resolve(
     asked: &CaseQuantities,
     strain: StrainDefinition,
     pixel_size: Option<PixelSize>,
-    mesh: &Mesh<Px>,
+    camera: &Rectifier,
 ) -> Result<Quantities> {
+    let (raw, mesh) = (camera.raw_mesh(), camera.mesh());
+    let place = |[x, y]: [f64; 2]| match [x, y].iter().all(|v| v.is_finite()) {
+        true => camera.camera().plane([x, y]).ok_or(CameraError::Folds { x, y }),
+        false => Ok([x, y]),
+    };
     let named =
         |name: &Option<String>, kind: &str, at: usize| name.clone().unwrap_or_else(|| format!("{kind}{}", at + 1));
     let mut quantities = Quantities { strain, remove_rigid: asked.options.remove_rigid, ..Quantities::default() };
@@ -36,18 +41,20 @@ pub(crate) fn resolve(
         if let Some(value) = probe.point.iter().find(|value| !value.is_finite()) {
             return Err(format!("{name}: a coordinate is {value}; give a finite number").into());
         }
-        quantities.points.push((name, probe.point));
+        quantities.points.push((name, place(probe.point)?));
     }
     for (at, line) in asked.lines.iter().enumerate() {
         let name = named(&line.name, "line", at);
         let step = line.step_px.unwrap_or(0.25 * mesh.element_size());
-        let segment = Segment::new(line.from, line.to, step).map_err(|error| format!("{name}: {error}"))?;
+        let segment =
+            Segment::new(place(line.from)?, place(line.to)?, step).map_err(|error| format!("{name}: {error}"))?;
         quantities.lines.push((name, segment));
     }
     for (at, gauge) in asked.extensometers.iter().enumerate() {
         let name = named(&gauge.name, "extensometer", at);
         let width = gauge.width_px.unwrap_or(0.0);
-        let gauge = Extensometer::new(gauge.from, gauge.to, width).map_err(|error| format!("{name}: {error}"))?;
+        let gauge = Extensometer::new(place(gauge.from)?, place(gauge.to)?, width)
+            .map_err(|error| format!("{name}: {error}"))?;
         quantities.extensometers.push((name, gauge));
     }
     for opening in &asked.openings {
@@ -76,7 +83,8 @@ pub(crate) fn resolve(
             Elasticity { young_mpa, poisson, mm_per_unit: size.mm_per_px(), radius: crack.radius_px }
         });
         let line = match crack.path.points() {
-            Some(path) => CrackLine::on(mesh, path.to_vec(), elasticity)
+            Some(path) => CrackLine::on(raw, path.to_vec(), elasticity)
+                .and_then(|crack| crack.placed(|at| camera.camera().plane(at)))
                 .ok_or_else(|| format!("crack '{name}': the mesh of this run is not cut along it"))?,
             None => {
                 let what = "\"auto\" is found when images are correlated; give the path that this said, as it stands in run.toml";
@@ -110,7 +118,10 @@ pub(crate) fn load(asked: &CaseQuantities, n_frames: usize) -> Result<LoadTable>
 pub(crate) struct Fields<'a> {
     /// Lines for the head of every table: program, images, options.
     pub header: &'a [String],
-    pub pixel_size: Option<PixelSize>,
+    /// How the camera sees the plane.
+    pub camera: &'a Rectifier,
+    /// With its relative standard uncertainty.
+    pub pixel_size: Option<(PixelSize, f64)>,
     pub element_size_px: f64,
     /// Whether a regularisation or splines bind the nodes to each other: standard uncertainties are then upper bounds.
     pub regularised: bool,
@@ -137,12 +148,16 @@ pub(crate) fn write(
     let unfinished = |name: &str| folder.join(format!("{name}.csv.part"));
     let write = || -> Result<QuantitySummary> {
         let open = |name: &str| Ok(BufWriter::new(File::create(unfinished(name))?));
-        let Fields { header, pixel_size, element_size_px, regularised } = fields;
-        let mut tables = QuantityTables::new(quantities, load, pixel_size, regularised, element_size_px, header, open)
-            .map_err(failed)?;
+        let Fields { header, camera, pixel_size, element_size_px, regularised } = fields;
+        let (camera, length) = (Some(camera), element_size_px);
+        let tables = QuantityTables::new(quantities, load, camera, pixel_size, regularised, length, header, open);
+        let mut tables = tables.map_err(failed)?;
         for frame in frames {
             let (number, status, field) = frame?;
-            if let Some(drawn) = tables.frame(number, status, field.as_ref()).map_err(failed)? {
+            if let Some(drawn) = tables
+                .frame(number, status, field.map(|field| fields.camera.rectify(&field)).as_ref())
+                .map_err(failed)?
+            {
                 look(number, &drawn);
             }
         }
@@ -186,9 +201,10 @@ pub(crate) fn write_of_store(
     look: impl FnMut(usize, &FrameQuantities),
 ) -> Result<QuantitySummary> {
     let header = store.header();
+    let camera = &Rectifier::new(header.camera()?, store.mesh())?;
     let quantities = Quantities {
         window: window.unwrap_or(header.strain_window),
-        ..resolve(asked, strain.unwrap_or(header.strain), header.pixel_size, store.mesh())?
+        ..resolve(asked, strain.unwrap_or(header.strain), header.pixel_size, camera)?
     };
     let load = load(asked, store.n_frames())?;
     let mut lines = vec![
@@ -202,7 +218,8 @@ pub(crate) fn write_of_store(
     lines.extend(load.remarks.iter().map(|remark| remark.text.clone()));
     let fields = Fields {
         header: &lines,
-        pixel_size: header.pixel_size,
+        camera,
+        pixel_size: header.pixel_size.zip(Some(header.pixel_size_std())),
         element_size_px: header.element_size_px,
         regularised: Record::of(header).is_regularised(),
     };

@@ -103,6 +103,7 @@ fn make_up(case: &RunCase, plan: &Plan, scale: PixelSize) -> Result<JointRun> {
         n_references: plan.reference.len().max(1),
         noise_grey: None,
         noise_ratio: None,
+        camera: Vec::new(),
         left_out: Vec::new(),
         warnings: Vec::new(),
     })

@@ -2,7 +2,7 @@
 
 use crate::backend::choice::DeviceChoice;
 use crate::backend::gpu::GpuOptions;
-use crate::io::case::{CaseCorrelation, CaseImages, CrackFlags, ZoneFlags};
+use crate::io::case::{CaseCamera, CaseCorrelation, CaseImages, CrackFlags, ZoneFlags};
 use crate::run::plan::Shard;
 use std::fmt;
 use std::str::FromStr;
@@ -53,6 +53,9 @@ pub struct Request {
     /// Over `[images]`.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub images: CaseImages,
+    /// In place of `[camera]`.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub camera: CaseCamera,
     /// In place of all `[[zone]]`.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub zones: ZoneFlags,
@@ -76,8 +79,8 @@ pub struct Request {
     /// takes the place of the task in its array. Needs --start independent, which is then the default.
     #[cfg_attr(feature = "cli", arg(long, value_name = "I/N|slurm", hide_short_help = true, help_heading = "Machine"))]
     pub shard: Option<Shard>,
-    /// Pixel work: auto, cpu, gpu, or one of `quadrille about devices`, by its number or part of its name. `auto` takes a
-    /// discrete GPU for 200 megapixels of frames or more, else the CPU; `gpu` also an integrated or a software one.
+    /// Pixel work: auto, cpu, gpu, or one of `quadrille about devices`, by its number or part of its name. `auto` takes
+    /// a discrete GPU for 200 megapixels of frames or more, else the CPU; `gpu` also an integrated or a software one.
     #[cfg_attr(
         feature = "cli",
         arg(

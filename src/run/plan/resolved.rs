@@ -7,8 +7,8 @@ use crate::field::{
     Elements, RegularisationKind, StartFrom, StrainDefinition, StrainWindow, StrainWindows, UpdateReference,
 };
 use crate::io::case::{
-    CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseReport, CaseZone, Pages, ZoneFlags, complete,
-    over,
+    CaseCamera, CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseReport, CaseZone, Pages,
+    ZoneFlags, complete, over,
 };
 use crate::io::images::{Accepted, ReadError, pages_of};
 use crate::io::series::{Frame, but_for_capitals, expand_references, expand_series};
@@ -16,7 +16,7 @@ use crate::io::store::StoreHeader;
 use crate::isa::Isa;
 use crate::mesh::Mesh;
 use crate::remark::Remark;
-use crate::run::plan::wanted::{resolved_zones, wanted_cracks, wanted_zones};
+use crate::run::plan::wanted::{resolved_zones, wanted_camera, wanted_cracks, wanted_pixel_size, wanted_zones};
 use crate::run::plan::{Export, Request, which_reference};
 use crate::run::words::{Result, absolute};
 use crate::units::{PixelSize, Px};
@@ -36,6 +36,8 @@ pub struct Plan {
     pub deformed: Vec<Frame>,
     /// The scale, where it is known.
     pub pixel_size: Option<PixelSize>,
+    /// How the plane of the specimen is seen, with the numbers of its file; where nothing is stated, a usual lens.
+    pub camera: Option<CaseCamera>,
     /// What an image may be to be read.
     pub accepted: Accepted,
     /// The section `[correlation]` that this comes to, with its defaults.
@@ -104,7 +106,8 @@ impl Plan {
             let refused = || format!("the pixel size is {mm} mm; give a positive number, from 1e-12 to 1e12");
             PixelSize::new(mm).ok_or_else(refused)
         };
-        let pixel_size = wanted.pixel_size_mm.map(size).transpose()?;
+        let camera = wanted_camera(&asked.camera, case)?;
+        let pixel_size = wanted_pixel_size(&wanted, camera.as_ref())?.map(size).transpose()?;
         if asked.shard.is_some() && options.start == StartFrom::Previous {
             return Err("--shard needs --start independent: the frames before are done by other processes".into());
         }
@@ -141,6 +144,7 @@ impl Plan {
             reference_named: wanted.reference.is_some(),
             deformed,
             pixel_size,
+            camera,
             accepted: accepted_images(&wanted)?,
             strain: given.strain.unwrap_or_default(),
             strain_window: strain_window(given.strain_window)?,
@@ -242,6 +246,7 @@ impl Plan {
                 pixel_size_mm: self.pixel_size.map(PixelSize::mm_per_px),
                 max_image_mpx: (self.accepted != Accepted::default()).then_some(self.accepted.max_mpx),
             },
+            camera: self.camera.clone(),
             correlation: self.correlation.clone(),
             report: self.setup.clone(),
             zones: resolved_zones(&self.zones),

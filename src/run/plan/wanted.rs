@@ -1,6 +1,6 @@
-//! Zones and cracks that a request and a case file ask for together.
+//! Zones, cracks and the camera that a request and a case file ask for together.
 
-use crate::io::case::{CaseCrack, CaseFile, CaseZone, CrackFlags, CrackPath, ZoneFlags, over};
+use crate::io::case::{CaseCamera, CaseCrack, CaseFile, CaseImages, CaseZone, CrackFlags, CrackPath, ZoneFlags, over};
 use crate::run::words::{Result, absolute};
 use crate::units::PixelSize;
 use std::path::Path;
@@ -97,4 +97,28 @@ pub(crate) fn resolved_zones(wanted: &[CaseZone]) -> Vec<CaseZone> {
         ..zone.clone()
     };
     wanted.iter().enumerate().map(complete).collect()
+}
+
+/// The camera that is asked for, or else that of the case, with the numbers of its file.
+pub(crate) fn wanted_camera(asked: &CaseCamera, case: &CaseFile) -> Result<Option<CaseCamera>> {
+    let section = case.camera.clone().unwrap_or_default();
+    let camera = match &asked.file {
+        // Another camera: of the case what is no number of it.
+        Some(_) => CaseCamera { exact: section.exact, distance_std: section.distance_std, ..asked.clone() }
+            .resolved(Path::new(""))?,
+        None => section.resolved(&case.base)?,
+    };
+    Ok((camera != CaseCamera::default()).then_some(camera))
+}
+
+/// The size of a pixel that the images state, or their camera.
+pub(crate) fn wanted_pixel_size(images: &CaseImages, camera: Option<&CaseCamera>) -> Result<Option<f64>> {
+    let of_camera = camera.and_then(|camera| camera.pixel_size_mm);
+    match (images.pixel_size_mm, of_camera) {
+        (Some(own), Some(other)) if (own - other).abs() > 1e-9 * other.abs() => Err(format!(
+            "the pixel size is {own} mm, that of the camera {other} mm; state one of them, as it is at this distance"
+        )
+        .into()),
+        (own, other) => Ok(own.or(other)),
+    }
 }

@@ -1,5 +1,6 @@
 //! A series of images, from its files to its store: opened, resumed, correlated, closed.
 
+use crate::camera::Rectifier;
 use crate::correlate::Correlate;
 use crate::field::{Status, UpdateReference};
 use crate::imaging::{FlatBlocks, Image, Saturation};
@@ -76,6 +77,8 @@ struct PreparedSeries<'a> {
     engine: Engine,
     /// That of the beginning: the engine may come to another.
     correlator: Arc<dyn Correlate>,
+    /// Maps fields into the plane of the specimen.
+    rectifier: Rectifier,
     seconds_reference: f64,
     /// What is to be said of reference and zones.
     remarks: Vec<Remark>,
@@ -133,9 +136,10 @@ impl<'a> PreparedSeries<'a> {
         let Prepared { reference, engine, found, zone_files, remarks: of_zones, drawn, seconds } =
             pool.install(|| Prepared::new(&mut plan, there_in, image))?;
         let correlator = engine.correlator();
-        quantities::resolve(&plan.drawn, plan.strain, plan.pixel_size, correlator.mesh())?;
         let record = RunToml::new(&plan, &correlator, pool.current_num_threads(), &sha256, zone_files);
         let header = header_of(&plan, &*correlator, &record, sha256, [width, height]);
+        let rectifier = Rectifier::new(header.camera()?, correlator.mesh())?;
+        quantities::resolve(&plan.drawn, plan.strain, plan.pixel_size, &rectifier)?;
         let same_run = |store: &Store| match restart::differences(store.header(), &header, session.shard.is_none()) {
             differences if differences.is_empty() => Ok(()),
             differences => Err(folder.holds_another(Some(differences.join("; ")))),
@@ -171,7 +175,6 @@ impl<'a> PreparedSeries<'a> {
             reference,
             engine,
             correlator,
-            seconds_reference: seconds,
             saturation,
             record,
             about: About::new(header)?,
@@ -267,7 +270,20 @@ impl<'a> PreparedSeries<'a> {
     /// Correlates what is to be done and writes it, until all is done, it shall stop, or something fails.
     fn correlate(&mut self, mut tally: Tally, before: &Before, watcher: Watcher<'_>) -> (Tally, Result<()>) {
         let Self {
-            begin, plan, folder, pool, session, camera, correlator, engine, record, about, writer, store, ..
+            begin,
+            plan,
+            folder,
+            pool,
+            session,
+            camera,
+            correlator,
+            rectifier,
+            engine,
+            record,
+            about,
+            writer,
+            store,
+            ..
         } = self;
         let (reference, drawn) = (&self.reference, self.drawn.as_slice());
         let Session { stop, shard, .. } = session;
@@ -301,7 +317,8 @@ impl<'a> PreparedSeries<'a> {
                 store: writer,
                 fields: store,
                 about,
-                windows: plan.strain_windows(correlator.mesh()),
+                camera: rectifier,
+                windows: plan.strain_windows(rectifier.mesh()),
                 alone,
                 in_series: Mutex::new(std::mem::take(&mut tally.in_series)),
                 writing,
@@ -374,6 +391,7 @@ impl<'a> PreparedSeries<'a> {
             tally.summary.frames.sort_by_key(|frame| frame.number);
             let (references, is_named) = (&self.store.header().reference_sha256, self.plan.reference_named);
             doubts = doubts::about_series(&tally.summary, &tally.hashes, references, is_named);
+            doubts.extend(remarks::of_lens(&self.rectifier, self.plan.camera.as_ref(), &tally.summary.frames));
             tally.summary.remarks.extend(doubts.iter().cloned());
             // Also when writing has failed: what is known is kept where it can be.
             let closed = folder.write_case(&self.record.case(&tally.hashes));

@@ -1,6 +1,7 @@
 //! A reference that is in memory, prepared as a run prepares that of files: for programs that have the images
 //! themselves.
 
+use crate::camera::Rectifier;
 use crate::correlate::{Correlate, prepare};
 use crate::field::{Measurement, StrainDefinition, StrainField, StrainWindows, UpdateReference};
 use crate::imaging::Image;
@@ -27,6 +28,8 @@ pub struct InMemory {
     /// How strains are made.
     pub strain: StrainDefinition,
     windows: Option<StrainWindows>,
+    /// Maps fields into the plane of the specimen.
+    camera: Rectifier,
 }
 
 impl InMemory {
@@ -81,13 +84,15 @@ impl InMemory {
         let device = plan.device_of(FRAMES * (size[0] * size[1]) as u64)?;
         remarks.extend(device.remark().map(of_device));
         let correlator = prepare(&device, reference, &zones, plan.options.clone())?;
-        let windows = plan.strain_windows(correlator.mesh());
-        Ok(Self { correlator, remarks, strain: plan.strain, windows })
+        let camera = Rectifier::new(plan.camera.clone().unwrap_or_default().camera(size)?, correlator.mesh())?;
+        let windows = plan.strain_windows(camera.mesh());
+        Ok(Self { correlator, remarks, strain: plan.strain, windows, camera })
     }
 
-    /// The strains of a field, as the case wants them.
+    /// The strains of a field, as the case wants them, in the plane that its camera sees.
     pub fn strains(&self, field: &Measurement<Px>) -> StrainField {
-        let window = self.windows.as_ref().map(|windows| windows.of(field, self.strain));
-        StrainField { window, ..StrainField::of(field, self.strain) }
+        let field = self.camera.rectify(field);
+        let window = self.windows.as_ref().map(|windows| windows.of(&field, self.strain));
+        StrainField { window, ..StrainField::of(&field, self.strain) }
     }
 }

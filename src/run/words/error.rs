@@ -1,9 +1,10 @@
 //! Why a run cannot be carried out.
 
 use crate::backend::choice::DeviceError;
+use crate::camera::CameraError;
 use crate::correlate::CorrelationError;
 use crate::identify::FitError;
-use crate::io::case::CaseError;
+use crate::io::case::{CaseCameraError, CaseError};
 use crate::io::images::ReadError;
 use crate::io::joint::JointFileError;
 use crate::io::load::LoadError;
@@ -117,6 +118,12 @@ pub enum RunError {
     /// The case file.
     #[error(transparent)]
     Case(#[from] CaseError),
+    /// The camera of a case, or its file.
+    #[error(transparent)]
+    CaseCamera(#[from] CaseCameraError),
+    /// The camera does not fit the images.
+    #[error("[camera]: {0}")]
+    Camera(#[from] CameraError),
     /// An image.
     #[error(transparent)]
     Image(#[from] ReadError),

@@ -2,19 +2,62 @@
 //! [`crate::run::words::doubts`].
 
 use crate::backend::BackendError;
+use crate::camera::{Rectifier, USUAL_DISTORTION};
 use crate::correlate::{BareBorder, Correlation, NoiseColour, Reference, StartUsed, TextureFault, UpdateRefused};
 use crate::field::Status;
 
 use crate::imaging::{GreyDepth, Image, OddLevels, Saturation};
-use crate::io::case::CaseZone;
+use crate::io::case::{CaseCamera, CaseZone};
 use crate::io::images::Foreign;
 use crate::io::series::{NameOrder, TwoCameras, natural_order};
 use crate::io::text::shell_word;
 use crate::mechanics::PathEnd;
 use crate::remark::{About, Code, Remark};
 use crate::report::saturated;
+use crate::report::summary::FrameSummary;
 use crate::run::words::{chain, plural, ranges};
 use std::path::{Path, PathBuf};
+
+/// What a usual lens adds to a series whose camera is not stated: only where it is more than the noise of a node.
+///
+/// Displacements seem to differ by up to `3 q d (r/R)^2` and strains to be up to `6 q d r/R^2` for a distortion `q` at
+/// the corner, at the distance `R` from the centre; `d` is the largest rigid motion, `r` reaches to the node furthest
+/// from the centre (THEORY 22).
+pub(crate) fn of_lens(
+    camera: &Rectifier,
+    camera_of_case: Option<&CaseCamera>,
+    frames: &[FrameSummary],
+) -> Option<Remark> {
+    if camera_of_case.is_some_and(|camera| camera.states_camera() || camera.exact == Some(true)) {
+        return None;
+    }
+    let [width, height] = camera.camera().shape().image_size_px.map(|n| n as f64 - 1.0);
+    let (half, middle) = (0.5 * width.hypot(height), [0.5 * width, 0.5 * height]);
+    let reach = camera
+        .mesh()
+        .nodes()
+        .iter()
+        .fold(0.0f64, |most, &node| most.max((node[0] - middle[0]).hypot(node[1] - middle[1])));
+    let measured = frames.iter().filter(|frame| frame.status.is_measured());
+    let motion = |frame: &FrameSummary| {
+        let rigid = frame.rigid_motion.as_ref()?;
+        let turn = rigid.rotation_deg.to_radians().abs() * reach;
+        Some(rigid.translation_px[0].hypot(rigid.translation_px[1]) + turn)
+    };
+    let largest = measured.clone().filter_map(motion).fold(0.0, f64::max);
+    let noise = measured.filter_map(|frame| frame.model_error.as_ref()).map(|of| of.sigma_rms_px);
+    let sigma = noise.fold(f64::INFINITY, f64::min);
+    let share = reach / half;
+    let displacement = 3.0 * USUAL_DISTORTION * largest * share * share;
+    let strain = 6.0 * USUAL_DISTORTION * largest * share / half;
+    let text = format!(
+        "the camera is not stated: a usual lens (0.1 % at the corner) adds up to {displacement:.2} px and {:.0} microstrain to \
+         this series, which moves by {largest:.1} px; `quadrille calibrate`, or `[camera] exact = true`",
+        1e6 * strain
+    );
+    let remark = Remark::new(Code::LensUnknown, About::Run, text).with("displacement_px", displacement);
+    (displacement > sigma).then(|| remark.with("strain", strain))
+}
 
 const FILES_NAMED: usize = 5;
 const NODES_NAMED: usize = 3;

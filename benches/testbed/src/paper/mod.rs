@@ -155,6 +155,7 @@ impl Experiment {
             instants,
             pixel_size_mm: None,
             force: None,
+            camera: Vec::new(),
         };
         let noise = Noise {
             precision: Precision::White(observation.n_rows()),

@@ -193,6 +193,27 @@ impl Mesh<Px> {
 }
 
 impl<U: Length> Mesh<U> {
+    /// The same mesh with its nodes at `places`; nodes, elements and zones keep their numbers. No zone has a grid.
+    ///
+    /// # Errors
+    /// [`MeshError::BadElement`] where an element folds, with its number in its zone.
+    ///
+    /// # Panics
+    /// When there is not one place for each node.
+    pub fn with_nodes(&self, places: &[[f64; 2]]) -> Result<Self, MeshError> {
+        assert_eq!(places.len(), self.n_nodes(), "one place per node");
+        let part = |zone: usize| {
+            let first = self.first_node[zone] as u32;
+            let elements = &self.elements[self.zone_elements(zone)];
+            ZoneElements {
+                name: self.zones[zone].clone(),
+                nodes: places[self.zone_nodes(zone)].to_vec(),
+                elements: elements.iter().map(|corners| corners.map(|node| node - first)).collect(),
+            }
+        };
+        Self::from_zones((0..self.zones.len()).map(part).collect())
+    }
+
     /// The mesh of one whole grid per zone; node and element numbers are given here.
     ///
     /// # Panics

@@ -79,6 +79,10 @@ codes! {
             "Many pixels are black or white."
             "More than 1 % of the pixels in the zones are at the end of the range of grey levels. They show no texture."
             "Change the exposure, or leave such places out of the zones.";
+        LensUnknown "lens-unknown" Note
+            "The camera is not stated, and a usual lens would be seen in this series."
+            "A specimen that only moves seems to strain where the lens distorts. The text says what 0.1 % at the corner adds."
+            "`quadrille calibrate` finds lens and tilt. `[camera] exact = true` says that there is none.";
         ImageIncomplete "image-incomplete" Warning
             "An image is half black, torn, or incomplete."
             "Whole rows or columns have one grey level where the reference has texture."

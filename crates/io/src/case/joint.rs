@@ -337,7 +337,7 @@ pub struct CaseFit {
     /// The same in mm; one of both.
     pub face_position_mm_std: Option<f64>,
     /// Constants without uncertainty: `true`, or a list of `"thickness"`, `"faces"`, `"pixel_size"`, `"noise_level"`,
-    /// `"width"`; `"rotations"` if the data were computed with small ones.
+    /// `"width"`, `"camera"`; `"rotations"` if the data were computed with small ones.
     #[schemars(extend("default" = false))]
     pub exact: Option<CaseExact>,
     /// Values of the case that are meant although hardly anything has them: `"E"`, `"nu"`, `"sigma_0"`, `"alpha"`,

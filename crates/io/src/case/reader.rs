@@ -49,8 +49,9 @@ impl Reader {
     }
 }
 
-const OF_CORRELATION: [&str; 11] = [
+const OF_CORRELATION: [&str; 12] = [
     "images",
+    "camera",
     "correlation",
     "zone",
     "quantities",

@@ -31,8 +31,21 @@ pub struct JointRun {
     pub noise_ratio: Option<f64>,
     /// Frames that did not converge, or were not done: no instants are made of them.
     pub left_out: Vec<usize>,
+    /// What the displacements are off when the camera is, independent of each other (THEORY 22).
+    pub camera: Vec<RunCamera>,
     /// What the correlation warned of (`remarks` of its `summary.json`); empty where that is not beside the store.
     pub warnings: Vec<Remark>,
+}
+
+/// What the displacements of a run are off when its camera is off by one standard uncertainty in one direction.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunCamera {
+    /// Which: `lens`, `tilt_x`, `distance`.
+    pub name: String,
+    /// Whether the case states it: a usual lens is a default.
+    pub is_stated: bool,
+    /// Change of every node's displacement at each instant, mm.
+    pub instants: Vec<Vec<[f64; 2]>>,
 }
 
 /// The normal matrix `M` of a correlation, element by element. It holds the noise of the gradient: displacements have

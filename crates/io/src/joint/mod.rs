@@ -23,7 +23,7 @@ pub use super::case::{CaseBoundary, CaseFit, CaseJointMesh, CaseJointOutput, Cas
 pub use boundary::{BoundaryTable, parse_boundary, read_boundary};
 pub(crate) use case::LAW;
 pub use case::{JointCase, read_joint_case};
-pub use correlated::{JointRun, RunMatrix};
+pub use correlated::{JointRun, RunCamera, RunMatrix};
 pub use curve::read_curves;
 pub use drives::{DrivesInput, History};
 pub use force::{ForceInput, read_force};

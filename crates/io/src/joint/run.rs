@@ -1,11 +1,13 @@
 //! A correlation run, read from its store.
 
-use super::{JointFileError, JointMeshFile, JointRun, RunMatrix};
+use super::{JointFileError, JointMeshFile, JointRun, RunCamera, RunMatrix};
+use crate::camera::{CameraTerm, Rectifier};
 use crate::field::{Elements, Status};
 use crate::linalg::{ElementMatrix, alike};
 use crate::mesh::mean_products;
 use crate::remark::Remark;
 use crate::store::Store;
+use crate::units::Vector;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -27,8 +29,14 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
                     them would be too narrow; correlate again without --elements";
         return Err(JointFileError::file(path, what));
     }
-    let measured = store.mesh();
+    let header = store.header();
+    let refused = |error: &dyn std::fmt::Display| JointFileError::file(path, error.to_string());
+    let camera = header.camera().map_err(|error| refused(&error))?;
+    let rectifier = Rectifier::new(camera, store.mesh()).map_err(|error| refused(&error))?;
+    let measured = rectifier.mesh();
     let on_specimen = Arc::new(measured.to_mm(scale));
+    let is_stated = header.case_camera().is_some_and(|camera| camera.states_camera());
+    let mut camera: Vec<RunCamera> = Vec::new();
     let mesh = JointMeshFile {
         path: path.to_owned(),
         elements: on_specimen.elements().to_vec(),
@@ -43,6 +51,14 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
     for number in 1..=store.n_frames() {
         match store.frame(number)?.map(|frame| frame.measurement).filter(|field| field.status == Status::Converged) {
             Some(field) => {
+                let field = rectifier.rectify(&field);
+                for (k, CameraTerm { name, change, .. }) in rectifier.terms(&field).into_iter().enumerate() {
+                    if k == camera.len() {
+                        camera.push(RunCamera { name: name.to_owned(), is_stated, instants: Vec::new() });
+                    }
+                    let in_mm = |u: [f64; 2]| scale.to_mm(Vector::new(u)).components();
+                    camera.get_mut(k).map(|of| of.instants.push(change.into_iter().map(in_mm).collect()));
+                }
                 let field = field.to_mm(&on_specimen, scale);
                 let at = |(&u, &measured): (&[f64; 2], &bool)| measured.then_some(u);
                 frames.push(number);
@@ -92,6 +108,7 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
         noise_grey,
         noise_ratio,
         left_out,
+        camera,
         warnings: warnings_beside(path),
     })
 }

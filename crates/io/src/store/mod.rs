@@ -17,6 +17,8 @@ pub use layout::{Place, Variable};
 pub use reader::{Store, StoredFrame};
 pub use writer::{EncodedField, StoreWriter, remove_store};
 
+use crate::camera::Camera;
+use crate::case::{CaseCamera, CaseCameraError};
 use crate::field::{Elements, StrainDefinition, StrainWindow};
 use crate::mesh::{Mesh, MeshError};
 use crate::units::{PixelSize, Px};
@@ -65,6 +67,25 @@ impl StoreHeader {
         let case: toml::Table = self.case.parse().unwrap_or_default();
         let named = case.get("correlation").and_then(|section| section.get("elements")).and_then(toml::Value::as_str);
         named.and_then(|name| name.parse().ok()).unwrap_or_default()
+    }
+
+    /// How the camera sees the plane, as the case says; a usual lens where it says nothing.
+    ///
+    /// # Errors
+    /// Numbers that are no camera of these images.
+    pub fn camera(&self) -> Result<Camera, CaseCameraError> {
+        self.case_camera().unwrap_or_default().camera(self.image_size_px)
+    }
+
+    /// Relative standard uncertainty of the size of a pixel, where the camera states one.
+    pub fn pixel_size_std(&self) -> f64 {
+        self.case_camera().and_then(|camera| camera.pixel_size_relative_std).unwrap_or(0.0)
+    }
+
+    /// What the case says of the camera; nothing where it says nothing.
+    pub fn case_camera(&self) -> Option<CaseCamera> {
+        let case: toml::Table = self.case.parse().unwrap_or_default();
+        case.get("camera").and_then(|section| section.clone().try_into().ok())
     }
 
     /// What a reader must know, a line each: version, device, reference frame, units, uncertainties and strains.

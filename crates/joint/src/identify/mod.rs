@@ -48,7 +48,7 @@ pub use laws::sweep::{SweepRow, sweep};
 pub use laws::tournament::{Average, LawFit, Score, Tournament, laws_of, tournament};
 pub use objective::load_cell::{LoadCell, LoadComparison};
 pub use objective::noise::{Noise, Precision};
-pub use objective::observation::{Observation, ObservedInstant, largest_without_rigid_motion};
+pub use objective::observation::{CameraChange, Observation, ObservedInstant, largest_without_rigid_motion};
 pub use objective::problem::{Evaluation, Problem};
 pub use objective::unknowns::{Asked, Scale, Unknown, Unknowns, WIDE};
 pub use objective::weights::{InverseCovariance, Weights};

@@ -4,6 +4,7 @@ use super::stress_intensity::{Elasticity, StressIntensity, stress_intensity};
 use super::{Jump, NodalNoise, Reading, Value};
 use crate::field::{ElementMark, Measurement};
 use crate::mesh::{CutFaces, CutTip, FacePoint, Mesh, point_along};
+use crate::plane::{distance, minus, unit};
 use crate::units::Length;
 
 /// A crack is open where its opening exceeds so many standard uncertainties.
@@ -75,6 +76,24 @@ impl CrackLine {
     pub fn on<U: Length>(mesh: &Mesh<U>, path: Vec<[f64; 2]>, elasticity: Option<Elasticity>) -> Option<Self> {
         let faces = mesh.cut_faces(&path);
         (!faces.points.is_empty()).then_some(Self { path, faces, elasticity })
+    }
+
+    /// The same crack with its places where `place` brings them; distances along it grow as its whole length.
+    pub fn placed(&self, place: impl Fn([f64; 2]) -> Option<[f64; 2]>) -> Option<Self> {
+        let path = self.path.iter().map(|&at| place(at)).collect::<Option<Vec<_>>>()?;
+        let length = |path: &[[f64; 2]]| path.windows(2).map(|two| distance(two[0], two[1])).sum::<f64>();
+        let longer = length(&path) / length(&self.path);
+        let turned =
+            |at: [f64; 2], along: [f64; 2]| Some(unit(minus(place([at[0] + along[0], at[1] + along[1]])?, place(at)?)));
+        let mut faces = self.faces.clone();
+        for point in &mut faces.points {
+            let [tx, ty] = turned(point.at, [-point.normal[1], point.normal[0]])?;
+            (point.normal, point.at, point.along) = ([ty, -tx], place(point.at)?, point.along * longer);
+        }
+        for tip in faces.tips.iter_mut().flatten() {
+            (tip.ahead, tip.at, tip.along) = (turned(tip.at, tip.ahead)?, place(tip.at)?, tip.along * longer);
+        }
+        Some(Self { path, faces, elasticity: self.elasticity })
     }
 
     /// The places, in the order of the path.

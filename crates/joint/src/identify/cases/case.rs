@@ -7,7 +7,7 @@ use crate::identify::doubt::remarks;
 use crate::identify::laws::tournament::check_laws;
 use crate::identify::objective::observation::remove_motion;
 use crate::identify::{
-    FitError, FitOptions, FitWatch, LoadCell, Noise, Observation, ObservedInstant, Precision, Problem,
+    CameraChange, FitError, FitOptions, FitWatch, LoadCell, Noise, Observation, ObservedInstant, Precision, Problem,
     TrustRegionOptions, Unknown, Unknowns, even_texture, implausible_joint, largest_without_rigid_motion,
     latin_hypercube, prescribed_of, unless_meant, wrong,
 };
@@ -15,7 +15,10 @@ use crate::io::case::{
     BoundaryNoise, CaseBootstrap, CaseFit, CaseMeasurement, CaseNodes, CasePathControl, Discretisation, Intervals,
     WeightKind,
 };
-use crate::io::joint::{JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunMatrix};
+use crate::io::joint::{
+    BoundaryInput, JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunCamera,
+    RunMatrix,
+};
 use crate::io::run_case::RunCase;
 use crate::mechanics::cohesive::CohesiveLaw;
 use crate::mechanics::{Joint, law_of_case, materials_of_case};
@@ -576,7 +579,20 @@ fn observation(
     };
     let compared = nodes.iter().map(|&node| compared[node as usize]).collect();
     let pixel_size_mm = uncertainties::mm_per_px(input);
-    Ok(Observation { nodes, compared, prescribed, instants, pixel_size_mm, force: None })
+    let camera = camera_of(joint, input, measured);
+    Ok(Observation { nodes, compared, prescribed, instants, pixel_size_mm, force: None, camera })
+}
+
+/// What the displacements of a run are off when its camera is. The rigid part goes with what was taken off of all.
+fn camera_of(joint: &Joint, input: &JointInput, measured: &MeasurementInput) -> Vec<CameraChange> {
+    let MeasurementInput::Run(run) = measured else { return Vec::new() };
+    let is_of_border = matches!(input.boundary, BoundaryInput::Run(_));
+    let turned = |(index, field): (usize, &Vec<[f64; 2]>)| {
+        let (sin, cos) = joint.removed.get(index).map_or(0.0, |motion| motion.rotation_rad).sin_cos();
+        field.iter().map(|[x, y]| [cos * x + sin * y, cos * y - sin * x]).collect()
+    };
+    let of_term = |term: &RunCamera| term.instants.iter().enumerate().map(turned).collect();
+    run.camera.iter().map(|term| CameraChange { instants: of_term(term), is_of_border }).collect()
 }
 
 /// What is compared where no displacement was measured: no node, all instants of the border.
@@ -591,7 +607,8 @@ fn of_force_alone(joint: &Joint, measurement: &CaseMeasurement) -> Result<(Obser
     let instant = |index: usize| ObservedInstant { index, displacement: Vec::new(), largest: [0.0; 2], factor: 1.0 };
     let instants = (0..n).filter(|&index| factors.get(index) != Some(&0.0)).map(instant).collect();
     let (nodes, compared, prescribed) = (Vec::new(), Vec::new(), Vec::new());
-    let observation = Observation { nodes, compared, prescribed, instants, pixel_size_mm: None, force: None };
+    let (camera, force) = (Vec::new(), None);
+    let observation = Observation { nodes, compared, prescribed, instants, pixel_size_mm: None, force, camera };
     let (precision, source) = (Precision::White(0), String::new());
     let noise = Noise { precision, common: 0.0, on_boundary: false, sigma: Some(1.0), source, ratio: None };
     Ok((observation, noise))

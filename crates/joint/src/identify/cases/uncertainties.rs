@@ -3,7 +3,7 @@
 use crate::identify::doubt::remarks::uncertainty_unused;
 use crate::identify::{Constant, ConstantKind, Face, FitError, LoadCell, NOISE_LEVEL, Source, wrong};
 use crate::io::case::{CaseCohesive, CaseExact, CaseFit, CaseMaterial, CaseMeasurement, CaseSubstrate, EXACT, STD};
-use crate::io::joint::{JointInput, MeasurementInput, MeshInput};
+use crate::io::joint::{JointInput, MeasurementInput, MeshInput, RunCamera};
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::Parameter;
 use crate::remark::Remark;
@@ -34,7 +34,9 @@ pub const DEFAULT_NOISE: f64 = 0.1;
 pub const DEFAULT_WIDTH: f64 = 0.01;
 
 /// What `[fit] exact` may name.
-const OF_FIT: [&str; 6] = ["thickness", "faces", "pixel_size", NOISE_LEVEL, ROTATIONS, WIDTH];
+const OF_FIT: [&str; 7] = ["thickness", "faces", "pixel_size", NOISE_LEVEL, ROTATIONS, WIDTH, CAMERA];
+/// Of these the one whose uncertainty the correlation states.
+const CAMERA: &str = "camera";
 /// Of these that of the specimen across the plane, by which forces are counted.
 const WIDTH: &str = "width";
 /// Of these the one that is no constant: that rotations are small, as of data that were computed so.
@@ -126,6 +128,7 @@ pub(crate) fn constants(
     let mut list = materials(joint, &input.case.substrate)?;
     list.extend(law(joint, &input.case.cohesive, fit, found)?);
     list.extend(lengths(joint, mm_per_px(input), fit, measurement)?);
+    list.extend(camera(input, fit)?);
     list.extend(force.map(|cell| width(input, fit, cell)).transpose()?);
     Ok(list)
 }
@@ -138,6 +141,21 @@ fn constant(
     (std, source): (f64, Source),
 ) -> Constant {
     Constant { name: name.into(), kind, value, unit, std, source }
+}
+
+/// Lens, tilt and distance of the run that was measured, in standard uncertainties.
+fn camera(input: &JointInput, fit: &CaseFit) -> Result<Vec<Constant>, FitError> {
+    let Some(MeasurementInput::Run(run)) = &input.measurement else { return Ok(Vec::new()) };
+    let exact = exact_of("fit", fit.exact.as_ref(), &OF_FIT)?[6];
+    let line = |(term, of): (usize, &RunCamera)| {
+        let std = match (exact, of.is_stated) {
+            (true, _) => (0.0, Source::Exact),
+            (false, true) => (1.0, Source::Stated),
+            (false, false) => (1.0, Source::Default),
+        };
+        constant(&of.name, ConstantKind::Camera { term }, None, "1", std)
+    };
+    Ok(run.camera.iter().enumerate().map(line).collect())
 }
 
 fn width(input: &JointInput, fit: &CaseFit, cell: &LoadCell) -> Result<Constant, FitError> {

@@ -93,8 +93,21 @@ pub enum ConstantKind {
     PixelSize,
     /// Width of the specimen, mm: forces of the model are its multiple.
     Width,
+    /// The camera in one direction of its parameters, by standard uncertainties: the measured displacements are off by
+    /// its entry in [`Observation::camera`](crate::identify::Observation), those of the border as well.
+    Camera {
+        /// Its place there.
+        term: usize,
+    },
     /// Relative size of the noise: it moves no estimate and scales what the noise does.
     NoiseLevel,
+}
+
+impl ConstantKind {
+    /// Whether the model follows by its tangent.
+    fn needs_tangent(&self) -> bool {
+        matches!(self, Self::Material { .. } | Self::Camera { .. })
+    }
 }
 
 /// What a constant does when it is off by its standard uncertainty.
@@ -181,6 +194,8 @@ struct AtInstant<'a> {
     problem: &'a Problem<'a>,
     law: &'a dyn CohesiveLaw,
     instant: &'a Instant,
+    /// Number of the instant of the border.
+    index: usize,
     /// `None` where no constant needs it, or it has no inverse.
     tangent: Option<Linearised<'a>>,
     /// The load cell where it has a value, and the reaction that it should show.
@@ -203,7 +218,7 @@ impl<'a> AtInstant<'a> {
         let tangent = if tangent_needed { model.linearise(law, u).ok() } else { None };
         let cell = problem.observation.force.as_ref().filter(|cell| cell.at(index).is_some());
         let reaction = cell.map(|cell| (cell, cell.reaction(model, law, u)));
-        Self { problem, law, instant, tangent, reaction, by_group: BTreeMap::new() }
+        Self { problem, law, instant, index, tangent, reaction, by_group: BTreeMap::new() }
     }
 
     fn model(&self) -> &'a Model {
@@ -253,8 +268,26 @@ impl<'a> AtInstant<'a> {
                 Some(moved?.change(model, self.law, self.tangent.as_ref()?, u, cell))
             }
             ConstantKind::PixelSize => self.by_pixel_size(),
+            ConstantKind::Camera { term } => self.by_camera(*term),
             ConstantKind::NoiseLevel => None,
         }
+    }
+
+    /// The border moves by what it is off, and the model follows; what is compared is off by itself.
+    fn by_camera(&self, term: usize) -> Option<Change> {
+        let (model, measured) = (self.model(), &self.problem.joint.measured);
+        let of_term = self.problem.observation.camera.get(term)?;
+        let off = of_term.instants.get(self.index)?;
+        let mut nodes = self.still();
+        if of_term.is_of_border {
+            let border =
+                measured.prescribed.iter().map(|&node| off.get(node as usize).copied()).collect::<Option<_>>()?;
+            let moved = measured.boundary(vec![border]).ok()?;
+            nodes = self.tangent.as_ref()?.by_boundary(moved.instants()).pop()?;
+        }
+        let (jumps, force) = (model.jump_changes(&self.instant.displacement, &nodes), self.carried(&nodes));
+        nodes.iter_mut().zip(off).for_each(|(u, off)| *u = [0, 1].map(|c| u[c] - off[c]));
+        Some(Change { nodes, jumps, force })
     }
 
     fn by_material(&mut self, groups: &[usize], index: usize) -> Option<Change> {
@@ -314,7 +347,7 @@ impl Problem<'_> {
         let asked: Vec<&Constant> = asked.into_iter().filter(|c| c.kind != ConstantKind::NoiseLevel).collect();
         let moved: Vec<Option<Moved>> = asked.par_iter().map(|c| move_constant(&self.joint.model, &c.kind)).collect();
         let tangent_needed =
-            moved.iter().any(Option::is_some) || asked.iter().any(|c| matches!(c.kind, ConstantKind::Material { .. }));
+            moved.iter().any(Option::is_some) || asked.iter().any(|constant| constant.kind.needs_tangent());
         let of_instant = |observed: &ObservedInstant| -> Vec<Option<Change>> {
             let mut there = AtInstant::new(self, evaluation, law, observed.index, tangent_needed);
             asked.iter().zip(&moved).map(|(constant, moved)| there.change(&constant.kind, moved.as_ref())).collect()

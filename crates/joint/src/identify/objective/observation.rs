@@ -20,6 +20,17 @@ pub struct Observation {
     pub pixel_size_mm: Option<f64>,
     /// The load cell, where it takes part in the fit.
     pub force: Option<LoadCell>,
+    /// What the displacements are off when the camera is.
+    pub camera: Vec<CameraChange>,
+}
+
+/// What the measured displacements are off when the camera is off by one standard uncertainty (THEORY 22).
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraChange {
+    /// Change of the displacement of each node of the measured mesh at each instant of the border, mm.
+    pub instants: Vec<Vec<[f64; 2]>>,
+    /// Whether the border was measured with it.
+    pub is_of_border: bool,
 }
 
 /// One instant.

@@ -1,0 +1,244 @@
+//! A measured field in the plane, and what the uncertainty of the camera does to it.
+
+use super::{Camera, CameraError, PARAMETERS, Part, Theta};
+use crate::field::{Measurement, ModelError, PointField};
+use crate::mesh::Mesh;
+use crate::plane::Point;
+use crate::units::Px;
+use std::sync::Arc;
+
+/// Of each parameter, its name in budgets.
+const NAMES: [&str; PARAMETERS.len()] = [
+    "lens",
+    "lens_k2",
+    "lens_p1",
+    "lens_p2",
+    "lens_k3",
+    "lens_centre_x",
+    "lens_centre_y",
+    "tilt_x",
+    "tilt_y",
+    "tilt_stretch",
+    "tilt_shear",
+];
+
+/// Maps the fields on one mesh into the plane.
+///
+/// ```
+/// # use quadrille_base as quadrille;
+/// # use quadrille::{camera::{Camera, CameraShape, Rectifier}, field::{Measurement, Status}, mesh::{Mesh, Roi, Zone}};
+/// # let roi = Roi { x0: 900.0, y0: 900.0, x1: 932.0, y1: 932.0 };
+/// # let mesh = std::sync::Arc::new(Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 1024, 1024).unwrap());
+/// # let field = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 9], measured: vec![true; 9],
+/// #     displacement: vec![[20.0, 0.0]; 9], element_residual: vec![1.0; 4], model_error: None, marks: None,
+/// #     points: None, mesh: mesh.clone() };
+/// let mut shape = CameraShape::plain([1024, 1024]);
+/// shape.theta[0] = 1e-3; // 0.1 % at the corner
+/// let rectifier = Rectifier::new(Camera::new(shape).unwrap(), &mesh).unwrap();
+/// let moved = rectifier.rectify(&field); // the same 20 px of the image are less there
+/// assert!((moved.displacement[0][0] - 19.95).abs() < 0.02);
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rectifier {
+    camera: Camera,
+    /// The mesh as it is in the image.
+    raw: Arc<Mesh<Px>>,
+    /// Its nodes in the plane; the same mesh where the camera is plain.
+    plane: Arc<Mesh<Px>>,
+}
+
+/// What a field is off when the camera is off by one standard uncertainty in one direction of its parameters: common to
+/// all nodes. Terms are independent of each other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraTerm {
+    /// What of the camera.
+    pub part: Part,
+    /// The same in budgets: `lens` for k1, `lens_k2`, `tilt_x`, `distance`.
+    pub name: &'static str,
+    /// Change of the displacement of each node, px of the plane.
+    pub change: Vec<Point>,
+}
+
+impl Rectifier {
+    /// Of the fields on `mesh`, in raw px.
+    ///
+    /// # Errors
+    /// [`CameraError::Folds`] where a node, or an element, has no place in the plane.
+    pub fn new(camera: Camera, mesh: &Arc<Mesh<Px>>) -> Result<Self, CameraError> {
+        let raw = Arc::clone(mesh);
+        if camera.is_plain() {
+            return Ok(Self { camera, plane: Arc::clone(&raw), raw });
+        }
+        let place = |&[x, y]: &Point| camera.plane([x, y]).ok_or(CameraError::Folds { x, y });
+        let places = mesh.nodes().iter().map(place).collect::<Result<Vec<_>, _>>()?;
+        let [x, y] = mesh.nodes().first().copied().unwrap_or_default();
+        let plane = mesh.with_nodes(&places).map_err(|_| CameraError::Folds { x, y })?;
+        Ok(Self { camera, raw, plane: Arc::new(plane) })
+    }
+
+    /// The camera.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The mesh in the image.
+    pub fn raw_mesh(&self) -> &Arc<Mesh<Px>> {
+        &self.raw
+    }
+
+    /// The mesh in the plane, px.
+    pub fn mesh(&self) -> &Arc<Mesh<Px>> {
+        &self.plane
+    }
+
+    /// The field in the plane: `U = P^-1(x + u) - P^-1(x)`, with standard uncertainties turned and scaled by
+    /// `dP^-1/dx`. A node whose place has left what the camera maps is no longer measured.
+    pub fn rectify(&self, field: &Measurement<Px>) -> Measurement<Px> {
+        if self.camera.is_plain() {
+            return field.clone();
+        }
+        let mut plane = Measurement { mesh: Arc::clone(&self.plane), ..field.clone() };
+        for node in (0..field.measured.len()).filter(|&node| field.measured[node]) {
+            let Some((moved, spread)) = self.moved(node, field.displacement[node]) else {
+                plane.measured[node] = false;
+                (plane.displacement[node], plane.sigma[node]) = ([0.0; 2], [0.0; 2]);
+                continue;
+            };
+            plane.displacement[node] = moved;
+            plane.sigma[node] = spread(field.sigma[node]);
+            if let (Some(ModelError { nodes, .. }), Some(before)) = (&mut plane.model_error, &field.model_error) {
+                nodes[node] = spread(before.nodes[node]);
+            }
+            if let (Some(PointField { displacement, sigma, .. }), Some(before)) = (&mut plane.points, &field.points) {
+                displacement[node] = self.moved(node, before.displacement[node]).map_or(moved, |(moved, _)| moved);
+                sigma[node] = spread(before.sigma[node]);
+            }
+        }
+        plane
+    }
+
+    /// The displacements of the plane on the mesh of the image, to be drawn there.
+    pub fn displaced(&self, field: &Measurement<Px>) -> Measurement<Px> {
+        Measurement { mesh: Arc::clone(&self.raw), ..self.rectify(field) }
+    }
+
+    /// Where a node moves in the plane, and what turns a standard uncertainty there.
+    fn moved(&self, node: usize, u: Point) -> Option<(Point, impl Fn(Point) -> Point)> {
+        let ([x, y], [a, b]) = (self.raw.nodes()[node], self.plane.nodes()[node]);
+        let to = self.camera.plane([x + u[0], y + u[1]])?;
+        let slope = self.camera.plane_slope(to)?;
+        let spread = move |sigma: Point| slope.map(|row| (row[0] * sigma[0]).hypot(row[1] * sigma[1]));
+        Some(([to[0] - a, to[1] - b], spread))
+    }
+
+    /// What the uncertainty of the camera does to a field, which is in the plane: [`rectify`](Self::rectify) has made
+    /// it. Nodes that are not measured have none.
+    pub fn terms(&self, plane: &Measurement<Px>) -> Vec<CameraTerm> {
+        let at = |node: usize| {
+            let (from, u) = (self.plane.nodes()[node], plane.displacement[node]);
+            (from, [from[0] + u[0], from[1] + u[1]])
+        };
+        let of_nodes = |(part, name): (Part, &'static str), change: &dyn Fn(Point, Point) -> Option<Point>| {
+            let of_node = |node: usize| {
+                let (from, to) = at(node);
+                if plane.measured[node] { change(from, to).unwrap_or_default() } else { [0.0; 2] }
+            };
+            CameraTerm { part, name, change: (0..plane.measured.len()).map(of_node).collect() }
+        };
+        let by = |theta: &Theta, from: Point, to: Point| {
+            let (a, b) = (self.camera.plane_change(to, theta)?, self.camera.plane_change(from, theta)?);
+            Some([a[0] - b[0], a[1] - b[1]])
+        };
+        let names = self.camera.shape().covariance.of.iter().map(|&k| NAMES[k]);
+        let mut terms: Vec<CameraTerm> = (self.camera.columns().iter().zip(names))
+            .map(|((part, theta), name)| of_nodes((*part, name), &|from, to| by(theta, from, to)))
+            .collect();
+        let shape = self.camera.shape();
+        if shape.distance_std > 0.0 {
+            let centre = [shape.theta[5], shape.theta[6]];
+            let nearer = |_, to: Point| Some([0, 1].map(|c| shape.distance_std * (to[c] - centre[c])));
+            terms.push(of_nodes((Part::Distance, "distance"), &nearer));
+        }
+        terms
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{CameraShape, Covariance};
+    use crate::field::Status;
+    use crate::mesh::{Roi, Zone};
+
+    fn field(mesh: Mesh<Px>, u: impl Fn(Point) -> Point) -> Measurement<Px> {
+        let displacement: Vec<_> = mesh.nodes().iter().map(|&x| u(x)).collect();
+        let n = displacement.len();
+        Measurement {
+            status: Status::Converged,
+            sigma: vec![[0.01, 0.02]; n],
+            measured: vec![true; n],
+            element_residual: vec![1.0; mesh.n_elements()],
+            model_error: None,
+            marks: None,
+            points: None,
+            mesh: mesh.into(),
+            displacement,
+        }
+    }
+
+    fn bent(std: f64) -> Camera {
+        let mut shape = CameraShape::plain([512, 512]);
+        shape.theta = [0.02, -0.01, 1e-3, -1e-3, 0.002, 250.0, 262.0, 5e-5, 2e-5, -0.001, 0.0005];
+        shape.covariance = Covariance::of_std(&shape.theta.map(|v| std * v.abs()));
+        Camera::new(shape).unwrap()
+    }
+
+    fn mesh() -> Mesh<Px> {
+        Mesh::on_zones(&[Zone::rectangle("all", Roi { x0: 20.0, y0: 20.0, x1: 480.0, y1: 480.0 })], 32, 512, 512)
+            .unwrap()
+    }
+
+    #[test]
+    fn a_plane_that_only_moved_has_moved_alike_everywhere_and_one_that_stretched_alike() {
+        let camera = bent(0.0);
+        for (shift, stretch) in [([13.0, -7.0], 0.0), ([-3.0, 5.0], 0.01)] {
+            let truth = |at: Point| [0, 1].map(|c| shift[c] + stretch * (at[c] - 250.0));
+            let seen = field(mesh(), |x| {
+                let at = camera.plane(x).unwrap();
+                let u = truth(at);
+                let to = camera.pixel([at[0] + u[0], at[1] + u[1]]);
+                [to[0] - x[0], to[1] - x[1]]
+            });
+            let rectifier = Rectifier::new(camera.clone(), &seen.mesh).unwrap();
+            let plane = rectifier.rectify(&seen);
+            for (&at, u) in plane.mesh.nodes().iter().zip(&plane.displacement) {
+                let want = truth(at);
+                // Newton ends at 1e-10 of half a diagonal.
+                assert!((u[0] - want[0]).hypot(u[1] - want[1]) < 1e-7, "{at:?} {u:?} {want:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_term_is_what_a_camera_that_is_off_by_a_standard_uncertainty_changes() {
+        let camera = bent(1e-4);
+        let seen = field(mesh(), |[x, y]| [20.0 + 0.01 * x, -5.0 - 0.02 * y]);
+        let before = Rectifier::new(camera.clone(), &seen.mesh).unwrap();
+        let plane = before.rectify(&seen);
+        let terms = before.terms(&plane);
+        assert_eq!(terms.len(), PARAMETERS.len());
+        for (term, (part, theta)) in terms.iter().zip(camera.columns()) {
+            assert_eq!(term.part, *part);
+            let mut shape = camera.shape().clone();
+            shape.theta.iter_mut().zip(theta).for_each(|(a, b)| *a += b);
+            let after = Rectifier::new(Camera::new(shape).unwrap(), &seen.mesh).unwrap().rectify(&seen);
+            let largest = term.change.iter().flatten().fold(0.0f64, |most, v| most.max(v.abs()));
+            for ((a, b), change) in after.displacement.iter().zip(&plane.displacement).zip(&term.change) {
+                for c in 0..2 {
+                    // To first order: a ten-thousandth of the parameter, squared, and Newton's 1e-10.
+                    assert!((a[c] - b[c] - change[c]).abs() < 2e-3 * largest + 1e-8, "{theta:?}");
+                }
+            }
+        }
+    }
+}

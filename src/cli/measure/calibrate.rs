@@ -1,0 +1,201 @@
+//! `quadrille calibrate`: the camera from images of the specimen that was moved, from points, from lengths.
+
+use super::correlate::{request, session, talk};
+use crate::camera::calibrate::{Calibration, Estimate, calibrate};
+use crate::camera::marked::{MarkedLength, MarkedPoint, Scaled, camera_of_points, scale_of_lengths, unknown_plane};
+use crate::camera::{Camera, PARAMETERS};
+use crate::cli::args::CalibrateArgs;
+use crate::cli::look::figures::reference;
+use crate::cli::talk::{Paint, Progress, wrapped};
+use crate::cli::{Outcome, Result, plural};
+use crate::field::{Measurement, Status};
+use crate::io::case::{CaseCamera, CaseFile, read_case, write_camera};
+use crate::io::images::Accepted;
+use crate::io::series::Frame;
+use crate::io::store::{STORE, Store};
+use crate::report::{Backdrop, Figure, FigureOptions, draw_frame};
+use crate::run::{FIGURES, Plan, RunFolder, run_series};
+use crate::units::Px;
+use std::path::Path;
+
+/// What is written, to be named by `--camera`.
+const CAMERA: &str = "camera.toml";
+/// A camera is worth its name when it is known to a fraction of its value.
+const KNOWN: f64 = 3.0;
+
+pub(crate) fn run(args: &CalibrateArgs, paint: Paint) -> Result<Outcome> {
+    let marks = !args.point.is_empty() || !args.length.is_empty();
+    let case = args.correlate.case.as_deref().map(read_case).transpose()?.unwrap_or_default();
+    // What is to be found is not stated.
+    let case = CaseFile { camera: Some(CaseCamera { exact: Some(true), ..CaseCamera::default() }), ..case };
+    let asked = request(&args.correlate);
+    let alone = match asked.images.deformed.as_deref() {
+        Some([name]) if marks && asked.images.reference.is_none() => Some(name),
+        _ => None,
+    };
+    let folder = RunFolder::writable(&args.correlate.output)?;
+    let (camera, mut said) = match alone {
+        Some(name) => {
+            let image = Frame::named(name, 0).read(Accepted::ANY)?.image;
+            (unknown_plane([image.width(), image.height()])?, Vec::new())
+        }
+        None => {
+            let plan = Plan::of(&asked, &case)?;
+            let mut progress = Progress::new(talk(&args.correlate), paint);
+            let pool = args.correlate.threads.pool()?;
+            run_series(&plan, &folder, &pool, session(&args.correlate)?, &mut |event| progress.take(event))?;
+            let found = pool.install(|| of_series(&folder))?;
+            (found.camera.clone(), verdict(&found))
+        }
+    };
+    let scaled = scaled(args, &camera)?;
+    let camera = scaled.as_ref().map_or(camera, |scaled| scaled.camera.clone());
+    said.push(said_of_scale(scaled.as_ref()));
+    if alone.is_some() {
+        let what = "lens: nothing is seen of it on one image; a usual one is reckoned with (0.1 % at the corner). Two more images, \
+                    the specimen moved across and along, tell";
+        said.push(what.to_owned());
+    }
+    let section = CaseCamera {
+        pixel_size_mm: scaled.as_ref().map(|scaled| scaled.pixel_size_mm),
+        pixel_size_relative_std: scaled.as_ref().map(|scaled| scaled.relative_std),
+        ..CaseCamera::of(&camera)
+    };
+    let head = format!("Camera found by quadrille {}", env!("CARGO_PKG_VERSION"));
+    let comments: Vec<String> = std::iter::once(&head).chain(&said).cloned().collect();
+    folder.write(CAMERA, |out| std::io::Write::write_all(out, write_camera(&section, &comments).as_bytes()))?;
+    said.iter().for_each(|line| println!("{}", wrapped(line, 2)));
+    if !args.correlate.quiet {
+        eprintln!("camera in {}", folder.path().join(CAMERA).display());
+    }
+    Ok(Outcome::Fine)
+}
+
+/// The camera that the fields of a run show; what they leave is drawn.
+fn of_series(folder: &RunFolder) -> Result<Calibration> {
+    let store = Store::open(folder.path().join(STORE))?;
+    let header = store.header();
+    let mut fields: Vec<(usize, Measurement<Px>)> = Vec::new();
+    for number in 1..=store.n_frames() {
+        let field =
+            store.frame(number)?.map(|frame| frame.measurement).filter(|field| field.status == Status::Converged);
+        fields.extend(field.map(|field| (number, field)));
+    }
+    let list: Vec<Measurement<Px>> = fields.iter().map(|(_, field)| field.clone()).collect();
+    let found = calibrate(&list, header.image_size_px, header.reference.len())?;
+    let backdrop = match reference(header, 0) {
+        Ok(image) => Backdrop::new(&image, 1),
+        Err(_) => Backdrop::blank(header.image_size_px[0], header.image_size_px[1], 1),
+    };
+    for ((number, field), left) in fields.iter().zip(&found.residual) {
+        draw_residual(&folder.path().join(FIGURES), *number, field, left, &backdrop)?;
+    }
+    Ok(found)
+}
+
+/// Draws what the camera leaves of a field: structure in it is a lens that these coefficients do not describe, or a
+/// specimen that did not move rigidly.
+fn draw_residual(
+    folder: &Path,
+    number: usize,
+    field: &Measurement<Px>,
+    left: &[Option<[f64; 2]>],
+    backdrop: &Backdrop,
+) -> Result<()> {
+    let residual = Measurement {
+        displacement: left.iter().map(|left| left.unwrap_or_default()).collect(),
+        measured: left.iter().map(Option::is_some).collect(),
+        model_error: None,
+        points: None,
+        ..field.clone()
+    };
+    let notes = vec![format!("image {number}: measured less what camera and rigid motion say")];
+    let options = FigureOptions { figures: vec![Figure::Ux, Figure::Uy], notes, ..FigureOptions::default() };
+    draw_frame(folder, number, &residual, backdrop, None, &options)?;
+    Ok(())
+}
+
+/// The scale, where something was marked.
+fn scaled(args: &CalibrateArgs, camera: &Camera) -> Result<Option<Scaled>> {
+    let points: Vec<MarkedPoint> =
+        args.point.iter().map(|&[x, y, a, b]| MarkedPoint { px: [x, y], mm: [a, b] }).collect();
+    let lengths: Vec<MarkedLength> =
+        args.length.iter().map(|&[x0, y0, x1, y1, mm]| MarkedLength { ends: [[x0, y0], [x1, y1]], mm }).collect();
+    match (points.is_empty(), lengths.is_empty()) {
+        (true, true) => Ok(None),
+        (false, true) => Ok(Some(camera_of_points(camera, &points, args.mark_std)?)),
+        (true, false) => Ok(Some(scale_of_lengths(camera, &lengths, args.mark_std)?)),
+        (false, false) => {
+            Err("--point and --length are both given; points hold the lengths between them: give one kind".into())
+        }
+    }
+}
+
+fn said_of_scale(scaled: Option<&Scaled>) -> String {
+    match scaled {
+        None => "scale: a length is missing; give --length x0,y0,x1,y1,MM, or pixel_size_mm".to_owned(),
+        Some(Scaled { pixel_size_mm, relative_std, left_px, .. }) => format!(
+            "scale: 1 px = {pixel_size_mm:.6} mm, known to {:.2} %; marks are left {left_px:.2} px off (root mean square)",
+            100.0 * relative_std
+        ),
+    }
+}
+
+/// What was found, in words.
+fn verdict(found: &Calibration) -> Vec<String> {
+    let shape = found.camera.shape();
+    let [width, height] = shape.image_size_px.map(|n| n as f64);
+    let half = 0.5 * width.hypot(height);
+    let of = |name: &str| {
+        let at = PARAMETERS.iter().position(|parameter| *parameter == name);
+        found.estimates.iter().find(|estimate| Some(estimate.parameter) == at)
+    };
+    let shifts = found.moved.iter().map(|moved| moved.shift);
+    let largest = shifts.clone().fold(0.0f64, |most, t| most.max(t[0].hypot(t[1])));
+    let mut said = vec![format!(
+        "{} moved by up to {largest:.1} px; what camera and motion leave is {:.2} of the noise",
+        plural(found.moved.len(), "image"),
+        found.squares.sqrt()
+    )];
+    // By half a diagonal, as coefficients are.
+    let percent = (half / shape.focal_px[0]).powi(2) * 100.0;
+    said.extend(of("k1").map(|k1| said_of("k1", k1, percent, "% at the corner")));
+    said.extend(of("tilt_x").map(|tilt| said_of("tilt along x", tilt, 100.0 * width, "% of scale across the image")));
+    said.extend(of("tilt_y").map(|tilt| said_of("tilt along y", tilt, 100.0 * height, "% of scale across the image")));
+    for tried in &found.tried {
+        let is_in = if tried.evidence > 0.0 { "taken in" } else { "left at zero" };
+        said.push(format!(
+            "{}: {is_in}, by evidence ({:+.0}, Bayesian information criterion)",
+            tried.names, tried.evidence
+        ));
+    }
+    // Shifts along one line leave what is across it to the second order of the field.
+    let across = shifts.clone().flat_map(|a| shifts.clone().map(move |b| (a[0] * b[1] - a[1] * b[0]).abs()));
+    if across.fold(0.0, f64::max) < 0.1 * largest * largest {
+        said.push(
+            "a shift across is missing: all images moved along one line; another makes all of this better known"
+                .to_owned(),
+        );
+    }
+    if largest < 0.05 * half {
+        said.push(format!("the shifts are small: {:.0} px or more would tell more", 0.1 * half));
+    }
+    if found.squares > 2.0 {
+        said.push(
+            "more than noise is left: look at figures/; a lens of another kind, a specimen that bent, or one that left its plane"
+                .to_owned(),
+        );
+    }
+    said
+}
+
+fn said_of(name: &str, estimate: &Estimate, scale: f64, unit: &str) -> String {
+    let (value, std) = (scale * estimate.value, scale * estimate.std);
+    match estimate {
+        Estimate { is_determined: false, .. } => format!("{name}: not determined by these images (+- {std:.2} {unit})"),
+        _ if value.abs() > KNOWN * std => {
+            format!("{name}: {value:.4} +- {std:.4} {unit}, known to {:.0} %", 100.0 * std / value.abs())
+        }
+        _ => format!("{name}: zero within {value:.4} +- {std:.4} {unit}"),
+    }
+}

@@ -1,0 +1,203 @@
+//! The camera as a user meets it: calibrated from images moved by hand, taken off, and reckoned with where nobody
+//! states it. The renderer draws spots where lens and tilt put them, and owes nothing to the program.
+
+#![cfg(feature = "cli")]
+
+use crate::program;
+use program::Desk;
+use quadrille::imaging::{Image, Pixels};
+use quadrille::remark::Code;
+
+const SIDE: usize = 512;
+const SIGMA: f64 = 2.2;
+
+/// A lens with distortion `k1` at the corner, and a plane whose scale falls by `tilt` per px along x.
+#[derive(Clone, Copy)]
+struct Lens {
+    k1: f64,
+    tilt: f64,
+}
+
+impl Lens {
+    fn pixel(self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let middle = 0.5 * (SIDE as f64 - 1.0);
+        let (x, y) = (x - middle, y - middle);
+        let w = 1.0 + self.tilt * x;
+        let (x, y) = (x / w, y / w);
+        let corner = 0.5 * (2.0 * (SIDE * SIDE) as f64).sqrt();
+        let grown = 1.0 + self.k1 * (x * x + y * y) / (corner * corner);
+        [middle + x * grown, middle + y * grown]
+    }
+
+    /// Speckles of the plane moved by `shift` and stretched by `strain` along x, 8 bit, with noise of one grey level.
+    fn image(self, shift: [f64; 2], strain: f64, seed: u64) -> Image {
+        let mut grey = vec![40.0f64; SIDE * SIDE];
+        let mut random = numbers(4);
+        let n = 4 * SIDE * SIDE / 30;
+        for _ in 0..n {
+            let at = [0, 1].map(|_| 2.0 * SIDE as f64 * random() - 0.5 * SIDE as f64);
+            let high = 50.0 + 90.0 * random();
+            let [x, y] = self.pixel([at[0] * (1.0 + strain) + shift[0], at[1] + shift[1]]);
+            let reach = 5.0 * SIGMA;
+            let range = |v: f64| ((v - reach).max(0.0) as usize)..((v + reach).max(0.0) as usize).min(SIDE);
+            for (row, column) in range(y).flat_map(|row| range(x).map(move |column| (row, column))) {
+                let r2 = (column as f64 - x).powi(2) + (row as f64 - y).powi(2);
+                grey[row * SIDE + column] += high * (-0.5 * r2 / (SIGMA * SIGMA)).exp();
+            }
+        }
+        let mut noise = numbers(seed);
+        let mut normal = || (0..12).map(|_| noise()).sum::<f64>() - 6.0;
+        let pixels = grey.iter().map(|g| (g + normal()).round().clamp(0.0, 255.0) as u8).collect();
+        Image::new(SIDE, SIDE, Pixels::U8(pixels)).unwrap()
+    }
+}
+
+/// Numbers evenly spread over 0..1, from a seed (xorshift).
+fn numbers(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+const ZONE: &str = "--roi 40,40,456,456 --element-size 26";
+/// A gauge across the zone.
+const GAUGE: &str = "--extensometer 60,250,440,250";
+
+/// Value, uncertainty by noise and by the camera of the strain of the gauge, in microstrain.
+#[track_caller]
+fn gauge(desk: &Desk, folder: &str) -> [Option<f64>; 3] {
+    desk.run(&format!("probe {folder} {GAUGE}")).fine();
+    let text = desk.read(&format!("{folder}/quantities/extensometers.csv"));
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
+    let header = reader.headers().unwrap().clone();
+    let row = reader.records().next().unwrap().unwrap();
+    ["strain_engineering", "sigma_strain_engineering", "camera_strain_engineering"].map(|name| {
+        let at = header.iter().position(|column| column == name)?;
+        Some(1e6 * row[at].parse::<f64>().unwrap())
+    })
+}
+
+#[test]
+fn a_camera_is_found_on_images_moved_by_hand_and_a_gauge_reads_the_truth_with_it() {
+    let (desk, lens) = (Desk::new(), Lens { k1: 5e-3, tilt: 1e-4 });
+    for (name, shift, strain, seed) in [
+        ("a", [0.0, 0.0], 0.0, 1),
+        ("b", [31.0, 2.0], 0.0, 2),
+        ("c", [-3.0, 29.0], 0.0, 3),
+        ("d", [22.0, 4.0], 2e-3, 4),
+    ] {
+        desk.image(&format!("{name}.png"), &lens.image(shift, strain, seed));
+    }
+    let line = format!("calibrate {ZONE} a.png b.png c.png --length 100,100,400,100,15 --output cal");
+    let said = desk.run(&line).printed();
+    assert!(said.contains("k1: 0.") && said.contains("known to") && said.contains("scale: 1 px = 0.0"), "{said}");
+    assert!(!said.contains("a shift across is missing") && !said.contains("more than noise"), "{said}");
+    assert!(desk.path("cal/figures/000001-ux.png").is_file() && desk.read("cal/camera.toml").starts_with("# Camera"));
+    desk.correlate(&format!("{ZONE} --output raw a.png d.png")).fine();
+    desk.correlate(&format!("{ZONE} --camera cal/camera.toml --output plane a.png d.png")).fine();
+    let [before, after] = ["raw", "plane"].map(|folder| gauge(&desk, folder));
+    println!("{before:?} {after:?}");
+    let [Some(value), Some(sigma), Some(camera)] = after else { panic!("{after:?}") };
+    // Without a camera it is off by the lens, by more than noise; with it by noise and what is known of the camera.
+    assert!((before[0].unwrap() - 2000.0).abs() > 10.0 * before[1].unwrap(), "{before:?}");
+    assert!((value - 2000.0).abs() < 3.0 * sigma.hypot(camera), "{after:?}");
+    // Columns in mm are those of the plane.
+    let rows = desk.rows("plane/csv/000001.csv");
+    let corner = rows.first().unwrap();
+    let mm = corner.mm.unwrap();
+    let scale = mm.position[0] / corner.px.position[0];
+    assert!((scale / 0.05 - 1.0).abs() < 0.1 && corner.px.position == [40.0, 40.0], "{corner:?}");
+    // A usual lens is said where nothing is stated, and not where something is.
+    let [said, silent] = ["raw", "plane"].map(|folder| desk.remarks(folder, Code::LensUnknown));
+    assert!(said.len() == 1 && silent.is_empty(), "{said:?} {silent:?}");
+}
+
+#[test]
+fn nothing_stated_is_a_usual_lens_that_rings_where_it_would_be_seen_and_exact_is_none() {
+    let (desk, lens) = (Desk::new(), Lens { k1: 1e-3, tilt: 0.0 });
+    desk.image("a.png", &lens.image([0.0, 0.0], 0.0, 1));
+    desk.image("b.png", &lens.image([10.15, 0.0], 0.0, 2));
+    desk.image("c.png", &lens.image([0.2, 0.0], 0.0, 3));
+    desk.correlate(&format!("{ZONE} --output far a.png b.png")).fine();
+    desk.correlate(&format!("{ZONE} --output near a.png c.png")).fine();
+    desk.write("exact.toml", "[camera]\nexact = true\n");
+    desk.correlate(&format!("{ZONE} --case exact.toml --output exact a.png b.png")).fine();
+    let rings = |folder: &str| desk.remarks(folder, Code::LensUnknown).len();
+    assert_eq!([rings("far"), rings("near"), rings("exact")], [1, 0, 0]);
+    let [value, sigma, camera] = gauge(&desk, "far");
+    println!("{value:?} {sigma:?} {camera:?}");
+    // The lens is the usual one: the gauge is off by what its column says. Half the image and half the shift of the
+    // example of the theory: as many microstrain.
+    let (value, sigma, camera) = (value.unwrap(), sigma.unwrap(), camera.unwrap());
+    assert!((value.abs() - camera).abs() < 4.0 * sigma && (20.0..100.0).contains(&camera), "{value} {sigma} {camera}");
+    assert_eq!(gauge(&desk, "exact")[2], None);
+    desk.write("stated.toml", "[camera]\ndistortion = [1e-3]\ndistortion_std = [1e-5]\n");
+    desk.correlate(&format!("{ZONE} --case stated.toml --output stated a.png b.png")).fine();
+    let [value, sigma, camera] = gauge(&desk, "stated").map(Option::unwrap);
+    assert!(value.abs() < 3.0 * sigma.hypot(camera) && camera < 1.0, "{value} {sigma} {camera}");
+}
+
+#[test]
+fn what_is_no_camera_of_these_images_is_one_clear_line() {
+    let desk = Desk::with_series();
+    let inside = program::INSIDE;
+    let refused = |name: &str, text: &str, part: &str| {
+        desk.write(name, text);
+        let ran = desk.correlate(&format!("{inside} --camera {name} --output out ref.png a.png"));
+        ran.refused(&[part]);
+        assert!(!desk.path("out/fields.zarr").exists());
+    };
+    refused("turned.toml", "[camera]\nimage_size_px = [96, 128]\ndistortion = [0.001]", "they are turned");
+    refused(
+        "binned.toml",
+        "[camera]\nimage_size_px = [256, 192]\ndistortion = [0.001]",
+        "256 x 192 px, these have 128 x 96 px",
+    );
+    refused("folded.toml", "[camera]\ndistortion = [-0.7]", "folds inside the image");
+    refused("nan.toml", "[camera]\ndistortion = [nan]", "k1 is NaN");
+    refused("std.toml", "[camera]\ndistortion_std = [-1.0]", "uncertainty of k1 is -1");
+    refused("other.toml", "[images]\n", "no section [camera]");
+    refused("camera.yml", "a: 1\n", "no camera_matrix");
+    refused(
+        "fish.json",
+        "{\"K\": [[100, 0, 64], [0, 100, 48], [0, 0, 1]], \"D\": [0, 0, 0, 0, 0, 0.5]}",
+        "k4 is not zero",
+    );
+    let missing = desk.correlate(&format!("{inside} --camera no.toml --output out ref.png a.png"));
+    missing.refused(&["no such camera file"]);
+    let still = desk.run(&format!("calibrate {inside} ref.png a.png b.png --output cal"));
+    assert!(still.code == Some(2) && still.stderr.contains("moved by at most 0."), "{still}");
+    let alone = desk.run("calibrate ref.png --output cal");
+    alone.refused(&["add at least one deformed image"]);
+    let line = "calibrate ref.png --point 0,0,0,0 --point 10,10,1,1 --point 20,20,2,2 --point 30,30,3,3 --output cal";
+    desk.run(line).refused(&["the points lie on a line"]);
+}
+
+#[test]
+fn points_and_lengths_give_a_scale_and_a_file_of_opencv_is_a_camera() {
+    let desk = Desk::with_series();
+    let points = "--point 10,10,0,0 --point 110,10,5,0 --point 110,90,5,4 --point 10,90,0,4";
+    let said = desk.run(&format!("calibrate ref.png {points} --output cal")).printed();
+    assert!(said.contains("1 px = 0.05") && said.contains("a usual one is reckoned with"), "{said}");
+    desk.correlate(&format!("{} --camera cal/camera.toml --output out ref.png a.png", program::INSIDE)).fine();
+    let rows = desk.rows("out/csv/000001.csv");
+    // Marks of half a pixel over 100: a few per mille.
+    assert!((rows[0].mm.unwrap().displacement[0] / rows[0].px.displacement[0] - 0.05).abs() < 1e-3);
+    desk.write(
+        "cv.yml",
+        "%YAML:1.0\n---\nimage_width: 128\nimage_height: 96\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   \
+                          cols: 3\n   dt: d\n   data: [ 500., 0., 63.5, 0., 500., 47.5, 0., 0., 1. ]\n\
+                          distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   \
+                          data: [ 0.5, 0., 0., 0., 0. ]\n",
+    );
+    desk.correlate(&format!("{} --camera cv.yml --pixel-size 0.05 --output cv ref.png a.png", program::INSIDE)).fine();
+    let run = desk.read("cv/run.toml");
+    assert!(run.contains("[camera]") && run.contains("focal_px = [500.0, 500.0]") && !run.contains("cv.yml"), "{run}");
+    // The run is told by its numbers, and repeats from them.
+    desk.correlate("--case cv/run.toml --output again").fine();
+    assert_eq!(desk.read("again/csv/000001.csv"), desk.read("cv/csv/000001.csv"));
+}
