@@ -24,6 +24,7 @@ pub use quadrille_base::{digest, field, imaging, linalg, mesh, plane, remark, un
 pub mod arrays;
 pub mod case;
 pub mod csv;
+pub mod foreign;
 pub mod images;
 pub mod joint;
 pub mod load;

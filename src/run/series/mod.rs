@@ -2,5 +2,6 @@
 
 pub(crate) mod camera;
 pub(crate) mod files;
+pub(crate) mod imported;
 pub(crate) mod in_memory;
 pub(crate) mod watching;

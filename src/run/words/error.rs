@@ -4,6 +4,7 @@ use crate::backend::choice::DeviceError;
 use crate::correlate::CorrelationError;
 use crate::identify::FitError;
 use crate::io::case::CaseError;
+use crate::io::foreign::FieldError;
 use crate::io::images::ReadError;
 use crate::io::joint::JointFileError;
 use crate::io::load::LoadError;
@@ -65,6 +66,15 @@ pub enum RunError {
         /// Which process, on which machine, since when.
         who: String,
     },
+    /// A file that no run has written, with the name of a result.
+    #[error(
+        "{}: would be overwritten, and the folder holds no run that wrote it; choose another --output folder, or replace \
+         it with --overwrite", path.display()
+    )]
+    FileOfOthers {
+        /// The file.
+        path: PathBuf,
+    },
     /// A file in the place of the folder.
     #[error("{}: cannot be written, it is a file; results need a folder: choose another --output folder", path.display())]
     NoFolder {
@@ -123,6 +133,9 @@ pub enum RunError {
     /// The list of images.
     #[error(transparent)]
     Series(#[from] SeriesError),
+    /// The field of another program.
+    #[error(transparent)]
+    Foreign(#[from] FieldError),
     /// A mask.
     #[error(transparent)]
     Mask(#[from] MaskError),
