@@ -10,7 +10,7 @@ cd "$(dirname "$0")/.."
 seconds=${1:-60}
 shift || true
 targets=("$@")
-[ ${#targets[@]} -gt 0 ] || targets=(images masks meshes cases joints tables store state)
+[ ${#targets[@]} -gt 0 ] || targets=(images masks meshes fields cases joints tables store state)
 
 # libFuzzer's counters on every edge and its view of comparisons; no sanitizer, which stable does not have: wrapping and indices are
 # checked by the language, memory by its limit.

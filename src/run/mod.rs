@@ -31,12 +31,18 @@ pub(crate) mod words;
 pub use folder::run_folder::{RunFolder, correlation_in};
 pub use frames::busy::Busy;
 pub use joint::{CaseRun, compare_laws, identify, identify_several, run_case, simulate};
-pub use look::{Explored, ExplorerPage, FitOfRun, Off, model_less_measured};
+pub use look::{Comparison, Explored, ExplorerPage, FitOfRun, Off, PlacedModel, compare, model_less_measured};
 pub use plan::{
     Checked, CheckedZone, Existing, Export, Images, Outcome, Plan, Ran, Request, Session, Shard, Stop, check, keeps_to,
     strain_window,
 };
-pub use series::{files::run_series, in_memory::InMemory, watching::Watching, watching::watch};
+pub use series::{
+    files::run_series,
+    imported::{Import, Imported, import_fields},
+    in_memory::InMemory,
+    watching::Watching,
+    watching::watch,
+};
 pub use words::{Event, Result, RunError, Watcher, chain};
 
 #[doc(hidden)]

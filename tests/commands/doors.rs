@@ -201,3 +201,119 @@ fn a_machine_file_of_another_country_is_read_and_a_number_of_two_meanings_is_ask
     assert_eq!(loads(), [1.25, 2.5, 3.75]);
     probe("--load-decimal both").refused(&["'both' is no decimal mark"]);
 }
+
+/// Columns of the extensometers of a folder that end in `_N` and `_mm` of the machine, from the first frame on.
+fn of_machine(desk: &Desk, name: &str) -> Vec<f64> {
+    let text = desk.read("out/quantities/extensometers.csv");
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
+    let at = reader.headers().unwrap().iter().position(|column| column == name);
+    let at = at.unwrap_or_else(|| panic!("no column {name}: {:?}", reader.headers()));
+    reader.records().map(|row| row.unwrap()[at].parse().unwrap()).collect()
+}
+
+#[test]
+fn exports_of_testing_machines_are_read_as_they_are() {
+    let desk = Desk::with_series();
+    desk.correlate(&format!("{INSIDE} --output out ref.png a.png b.png c.png")).fine();
+    // As their makers describe them: a preamble, names, units below, decimal marks of the country.
+    let files: [(&str, &str); 4] = [
+        (
+            "Bluehill of Instron",
+            "\"Specimen label\",\"A-1\"\n\"Width\",\"10.00\",\"mm\"\n\n\"Time\",\"Extension\",\"Load\"\n\
+             \"(s)\",\"(mm)\",\"(kN)\"\n\"0.5\",\"0.10\",\"0.25\"\n\"1.0\",\"0.20\",\"0.50\"\n\"1.5\",\"0.30\",\"0.75\"\n",
+        ),
+        (
+            "testXpert of Zwick",
+            "\"Pr\u{fc}fprotokoll\";\"P 1\"\n\"Pr\u{fc}fzeit\";\"Extension\";\"Load\"\n\"s\";\"mm\";\"N\"\n\
+             0,5;0,10;250,0\n1,0;0,20;500,0\n1,5;0,30;750,0\n",
+        ),
+        (
+            "TestSuite of MTS",
+            "MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\nData Acquisition: Timed\t\tTime: 0.107 Sec\t\nRunning Time\tExtension\tLoad\n\
+             Sec\tmm\tkN\n0.5\t0.10\t0.25\n1.0\t0.20\t0.50\n1.5\t0.30\t0.75\n",
+        ),
+        (
+            "Trapezium of Shimadzu",
+            "\"Key Word\",\"Product Name\",\"Test File Name\"\n\"\",\"\",\"plate.xtas\"\n\"Time\",\"Load\",\"Extension\"\n\
+             \"sec\",\"N\",\"mm\"\n\"0.5\",\"250\",\"0.10\"\n\"1.0\",\"500\",\"0.20\"\n\"1.5\",\"750\",\"0.30\"\n",
+        ),
+    ];
+    for (machine, text) in files {
+        desk.write("machine.txt", text);
+        let ran = desk.run("probe out --extensometer 30,60,100,60 --load machine.txt").fine();
+        assert_eq!(of_machine(&desk, "Load_N"), [250.0, 500.0, 750.0], "{machine}: {ran}");
+        assert_eq!(of_machine(&desk, "Extension_mm"), [0.1, 0.2, 0.3], "{machine}: {ran}");
+    }
+}
+
+#[test]
+fn an_image_that_was_replaced_is_named_and_measured_again_and_a_moved_folder_goes_on() {
+    let desk = Desk::with_series();
+    let line = format!("correlate {INSIDE} --output out --reference ref.png a.png b.png c.png");
+    desk.run(&line).fine();
+    let [first, second] = [1, 2].map(|frame| desk.bytes(&format!("out/csv/{frame:06}.csv")));
+    // The same content at another time is the same image.
+    desk.write("a.png", desk.bytes("a.png"));
+    let ran = desk.run(&line).fine();
+    assert!(ran.stderr.contains("nothing is missing") && !ran.stderr.contains("replaced"), "{ran}");
+    desk.image("b.png", &moved([-0.5, 0.25]));
+    let ran = desk.run(&line).fine();
+    assert!(ran.stderr.contains("the images of 1 frame were replaced since and will be measured again: 2"), "{ran}");
+    assert_moved(&desk.rows("out/csv/000002.csv"), &Translation([-0.5, 0.25]), ROUNDED);
+    assert_eq!(first, desk.bytes("out/csv/000001.csv"));
+    assert_ne!(second, desk.bytes("out/csv/000002.csv"));
+    // The whole project elsewhere, with one frame more to do.
+    let other = Desk::new();
+    for name in ["ref.png", "a.png", "b.png", "c.png"] {
+        other.write(name, desk.bytes(name));
+    }
+    std::fs::rename(desk.path("out"), other.path("out")).unwrap();
+    std::fs::remove_file(other.path("out/restart/frames/000003.json")).unwrap();
+    let ran = other.run(&line).fine();
+    assert!(ran.stderr.contains("2 frames done before, 1 to do"), "{ran}");
+}
+
+#[test]
+fn files_of_the_user_with_names_of_results_are_spared() {
+    for name in ["report.html", "csv/000001.csv", "vtu/000001.vtu"] {
+        let desk = Desk::with_series();
+        let line = format!("correlate {INSIDE} --output out ref.png a.png");
+        std::fs::create_dir_all(desk.path(&format!("out/{name}")).parent().unwrap()).unwrap();
+        desk.write(&format!("out/{name}"), "mine");
+        desk.run(&line).refused(&[name, "would be overwritten", "--overwrite"]);
+        assert_eq!(desk.read(&format!("out/{name}")), "mine");
+        desk.run(&format!("{line} --overwrite")).fine();
+    }
+}
+
+#[test]
+fn a_jpeg_that_ends_early_is_cut_off_also_with_an_end_marker() {
+    let desk = Desk::with_series();
+    let encoded = |image: &Image| {
+        let levels: Vec<u8> = (0..WIDTH * HEIGHT).map(|k| image.grey(k % WIDTH, k / WIDTH) as u8).collect();
+        let mut bytes = Vec::new();
+        let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 95);
+        encoder.encode(&levels, WIDTH as u32, HEIGHT as u32, image::ExtendedColorType::L8).unwrap();
+        bytes
+    };
+    let whole = encoded(&moved([0.25, 0.0]));
+    desk.write("whole.jpg", &whole);
+    let cut = [&whole[..whole.len() / 2], &[0xff, 0xd9]].concat();
+    desk.write("cut.jpg", cut);
+    let ran = desk.correlate(&format!("{INSIDE} --output out ref.png whole.jpg cut.jpg")).incomplete();
+    assert_eq!(ran.statuses("out"), ["converged", "unreadable"], "{ran}");
+    assert!(ran.stderr.contains("the pixel data end early"), "{ran}");
+}
+
+#[test]
+fn a_surface_of_two_groups_is_refused_since_a_pixel_has_one_zone() {
+    let desk = Desk::with_series();
+    let text = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Entities\n0 0 1 0\n7 16 16 0 112 80 0 2 3 5 0\n$EndEntities\n\
+                $Nodes\n1 4 1 4\n2 7 0 4\n1\n2\n3\n4\n16 16 0\n112 16 0\n112 80 0\n16 80 0\n$EndNodes\n\
+                $Elements\n1 1 1 1\n2 7 3 1\n1 1 2 3 4\n$EndElements\n";
+    desk.write("two.msh", text);
+    desk.run("correlate --mesh two.msh --output out ref.png a.png").refused(&["two.msh", "surface 7", "3 and 5"]);
+    desk.write("one.msh", text.replace(" 2 3 5 0\n", " 1 3 0\n"));
+    let ran = desk.run("correlate --mesh one.msh --output out ref.png a.png");
+    assert!(!ran.stderr.contains("physical groups"), "{ran}");
+}

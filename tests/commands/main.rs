@@ -16,6 +16,7 @@ mod cli;
 mod doors;
 mod exports;
 mod figures;
+mod foreign;
 mod fuzz;
 mod inputs;
 mod maps;

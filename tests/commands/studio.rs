@@ -411,3 +411,24 @@ fn the_whole_way_from_a_folder_to_results_in_a_browser() {
         assert!(again.stderr.contains("300 frames done before"), "{again}");
     }
 }
+
+#[test]
+fn connections_that_ask_for_nothing_keep_no_one_out_for_long() {
+    let desk = Desk::with_series();
+    let studio = Studio::of(&desk, &[]);
+    let mut open: Vec<TcpStream> = (0..64).map(|_| TcpStream::connect(("127.0.0.1", studio.port)).unwrap()).collect();
+    // A byte now and then keeps no place either.
+    for _ in 0..6 {
+        open.iter_mut().for_each(|stream| drop(stream.write_all(b"G")));
+        std::thread::sleep(Duration::from_millis(250));
+    }
+    assert_eq!(studio.get("").status, 200);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_leads_no_result_out_of_the_folder() {
+    let (desk, elsewhere) = (Desk::with_series(), Desk::new());
+    std::os::unix::fs::symlink(elsewhere.path("there"), desk.path("out")).unwrap();
+    desk.run("studio --output out").refused(&["--output out", "a link that leads out of the folder"]);
+}

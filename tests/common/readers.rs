@@ -5,19 +5,20 @@
 use quadrille::field::{Measurement, Status, StrainDefinition, StrainField};
 use quadrille::io::case::{CaseDocument, parse_case, write_case};
 use quadrille::io::csv::read_displacements;
+use quadrille::io::foreign::{FieldOptions, LengthUnit, YAxis, parse_points, read_node_table};
 use quadrille::io::images::{Accepted, PagedFile};
 use quadrille::io::joint::{
     MeshInput, parse_boundary, parse_identify, parse_joint_mesh, parse_measurement, parse_table,
 };
 use quadrille::io::load::{FrameTimes, parse_frame_times, parse_load, parse_record};
 use quadrille::io::mask::parse_mask;
-use quadrille::io::mesh_file::parse_mesh;
+use quadrille::io::mesh_file::{parse_mesh, read_model};
 use quadrille::io::npz::read_npz;
 use quadrille::io::opencv::parse_opencv;
 use quadrille::io::store::{Store, StoreHeader, StoreWriter};
 use quadrille::mechanics::{Joint, JointMesh, JointParts};
-use quadrille::mesh::{Mesh, Roi, Zone};
-use quadrille::units::Px;
+use quadrille::mesh::{Mesh, Roi, Zone, elements_of_points};
+use quadrille::units::{PixelSize, Px};
 use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -27,10 +28,11 @@ use std::sync::Arc;
 pub type Reader = fn(&[u8]);
 
 /// The readers by the names of their folders of seeds.
-pub const ALL: [(&str, Reader); 8] = [
+pub const ALL: [(&str, Reader); 9] = [
     ("images", images),
     ("masks", masks),
     ("meshes", meshes),
+    ("fields", fields),
     ("cases", cases),
     ("joints", joints),
     ("tables", tables),
@@ -101,6 +103,26 @@ pub fn meshes(data: &[u8]) {
             let _ = mesh.locate(zone, 20.0, 20.0);
         }
     }
+}
+
+/// Fields of other programs, models and their displacements; a mesh is made of the points.
+pub fn fields(data: &[u8]) {
+    let scale = PixelSize::new(0.05);
+    let options =
+        FieldOptions { unit: Some(LengthUnit::Px), y: Some(YAxis::Up), pixel_size: scale, ..FieldOptions::default() };
+    for frame in parse_points(data, "field".as_ref(), &options).unwrap_or_default().into_iter().take(4) {
+        let points: Vec<[f64; 2]> = frame.points.iter().take(2000).map(|point| point.position).collect();
+        if let Some((zones, places)) = elements_of_points(&points) {
+            assert_eq!(zones.iter().map(|zone| zone.nodes.len()).sum::<usize>(), places.len());
+            let _ = Mesh::<Px>::from_zones(zones);
+        }
+    }
+    in_folder(|folder| {
+        let file = folder.join("model");
+        fs::write(&file, data).expect("a file");
+        let _ = read_model(&file, None, LengthUnit::M);
+        let _ = read_node_table(&file);
+    });
 }
 
 /// Case files of every command.

@@ -61,6 +61,16 @@ impl Values {
         }
     }
 
+    /// The number at a place.
+    pub(crate) fn get(&self, at: usize) -> Option<f64> {
+        match self {
+            Values::F64(values) => values.get(at).copied(),
+            Values::F32(values) => values.get(at).copied().map(f64::from),
+            Values::U32(values) => values.get(at).copied().map(f64::from),
+            Values::U8(values) => values.get(at).copied().map(f64::from),
+        }
+    }
+
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0

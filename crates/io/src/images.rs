@@ -405,6 +405,9 @@ fn decode(bytes: &[u8], format: ImageFormat, accepted: Accepted) -> Result<Raw, 
     let taken = exif.and_then(|exif| tiff_pages::taken_of_exif(&exif));
     let mut notes = Vec::new();
     let image = DynamicImage::from_decoder(decoder).map_err(problem)?;
+    if format == ImageFormat::Jpeg && ends_in_grey(&image) && jpeg_ends_early(bytes) {
+        return Err(ImageFault::Truncated("the pixel data end early, before its end marker".into()));
+    }
     let (n, colour, mut pixels) = match image {
         DynamicImage::ImageLuma8(buffer) => (1, false, Pixels::U8(buffer.into_raw())),
         DynamicImage::ImageLuma16(buffer) => (1, false, Pixels::U16(buffer.into_raw())),
@@ -462,6 +465,23 @@ fn png_palette(bytes: &[u8]) -> Option<usize> {
 fn jpeg_is_complete(bytes: &[u8]) -> bool {
     let last = |marker: [u8; 2]| bytes.windows(2).rposition(|pair| pair == marker);
     last([0xff, 0xd9]) > last([0xff, 0xda])
+}
+
+/// Whether the last rows of a picture are what the decoder of JPEG fills in where the data have ended.
+fn ends_in_grey(image: &DynamicImage) -> bool {
+    const ROWS: usize = 4;
+    const FILLED: u8 = 128;
+    let bytes = image.as_bytes();
+    let row = bytes.len() / (image.height() as usize).max(1);
+    bytes.rchunks((ROWS * row).max(1)).next().is_some_and(|last| last.iter().all(|&level| level == FILLED))
+}
+
+/// Whether the data of a JPEG file end before the picture does: decoded once more, strictly.
+fn jpeg_ends_early(bytes: &[u8]) -> bool {
+    use zune_jpeg::zune_core::bytestream::ZCursor;
+    use zune_jpeg::zune_core::options::DecoderOptions;
+    let options = DecoderOptions::default().set_strict_mode(true).set_max_width(usize::MAX).set_max_height(usize::MAX);
+    zune_jpeg::JpegDecoder::new_with_options(ZCursor::new(bytes), options).decode().is_err()
 }
 
 /// Undoes the stretching of a PGM/PPM decoder, which spreads 0..maxval over all of 8 or 16 bit: 12 bit

@@ -24,6 +24,7 @@ pub use quadrille_base::{camera, digest, field, imaging, linalg, mesh, plane, re
 pub mod arrays;
 pub mod case;
 pub mod csv;
+pub mod foreign;
 pub mod images;
 pub mod joint;
 pub mod load;

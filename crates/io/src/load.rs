@@ -2,7 +2,7 @@
 
 mod asked;
 mod clock;
-mod decimals;
+pub(crate) mod decimals;
 mod error;
 mod raw;
 mod remarks;

@@ -5,8 +5,12 @@
 //! numbers of the nodes and the names of the groups, and both stop with a panic on some damaged files.)
 
 mod gmsh;
+mod inp;
+mod model;
 mod sound;
 mod vtu;
+
+pub use model::{ModelField, ModelFileError, is_model, read_model};
 
 use crate::mesh::ZoneElements;
 use crate::text::read_file;

@@ -1,7 +1,7 @@
 //! Arrays for NumPy: `.npz`, an archive of one `.npy` file for each array.
 
 use super::arrays::{ArrayFile, ArrayFileError, Number, Open, Shape, Values};
-use npyz::{DType, NpyFile, WriteOptions, WriterBuilder};
+use npyz::{DType, NpyFile, Order, WriteOptions, WriterBuilder};
 use std::collections::BTreeMap;
 use std::io::{self, Read, Seek, Write};
 use zip::write::SimpleFileOptions;
@@ -106,6 +106,29 @@ fn type_word(number: Number) -> &'static str {
 /// # Errors
 /// A file that is not whole or none of this kind, and those of the reader.
 pub fn read_npz(from: impl Read + Seek) -> io::Result<BTreeMap<String, Values>> {
+    Ok(read_arrays(from)?.into_iter().map(|(name, array)| (name, array.values)).collect())
+}
+
+/// An array with its shape.
+#[derive(Debug)]
+pub(crate) struct Array {
+    /// Length of each axis.
+    pub shape: Vec<u64>,
+    is_fortran: bool,
+    values: Values,
+}
+
+impl Array {
+    /// The number in a row and column; of an array of one axis the column is 0. NaN beyond the ends.
+    pub fn value(&self, row: usize, column: usize) -> f64 {
+        let axis = |k: usize| self.shape.get(k).map_or(1, |&n| n as usize);
+        let at = if self.is_fortran { row + column * axis(0) } else { row * axis(1) + column };
+        self.values.get(at).unwrap_or(f64::NAN)
+    }
+}
+
+/// The arrays of a `.npz` file, by name; no texts. All of the file is checked.
+pub(crate) fn read_arrays(from: impl Read + Seek) -> io::Result<BTreeMap<String, Array>> {
     let mut zip = ZipArchive::new(from).map_err(io::Error::other)?;
     let mut arrays = BTreeMap::new();
     for k in 0..zip.len() {
@@ -115,7 +138,9 @@ pub fn read_npz(from: impl Read + Seek) -> io::Result<BTreeMap<String, Values>> 
         member.read_to_end(&mut bytes)?;
         within(&bytes)?;
         let array = NpyFile::new(bytes.as_slice())?;
-        let entries = array.shape().iter().try_fold(1_u64, |n, &axis| n.checked_mul(axis));
+        let shape = array.shape().to_vec();
+        let is_fortran = array.order() == Order::Fortran;
+        let entries = shape.iter().try_fold(1_u64, |n, &axis| n.checked_mul(axis));
         if entries.is_none_or(|n| n > bytes.len() as u64) {
             return Err(io::Error::new(
                 io::ErrorKind::InvalidData,
@@ -135,7 +160,8 @@ pub fn read_npz(from: impl Read + Seek) -> io::Result<BTreeMap<String, Values>> 
         } else {
             continue;
         };
-        arrays.insert(member.name().map_err(io::Error::other)?.trim_end_matches(".npy").to_owned(), values);
+        let name = member.name().map_err(io::Error::other)?.trim_end_matches(".npy").to_owned();
+        arrays.insert(name, Array { shape, is_fortran, values });
     }
     Ok(arrays)
 }

@@ -97,7 +97,7 @@ pub fn write_vtu<W: Write>(
         inside(xml, "FieldData", &[], |xml| {
             one_value(xml, "converged", &converged)?;
             one_value(xml, "status_code", &[measurement.status.code()])?;
-            one_value(xml, "dynamic_range_grey", &[dynamic_range])
+            if residual.is_empty() { Ok(()) } else { one_value(xml, "dynamic_range_grey", &[dynamic_range]) }
         })?;
         let size = [("NumberOfPoints", mesh.n_nodes()), ("NumberOfCells", mesh.n_elements())];
         inside(xml, "Piece", &size, |xml| {
@@ -115,8 +115,11 @@ pub fn write_vtu<W: Write>(
                 strain.and_then(|strain| strain.window.as_ref()).map_or(Ok(()), |strains| window(xml, strains))
             })?;
             inside(xml, "CellData", &[], |xml| {
-                scalars(xml, "residual_grey", &residual)?;
-                scalars(xml, "residual_percent", &residual_percent)?;
+                // Fields of another program have none.
+                if !residual.is_empty() {
+                    scalars(xml, "residual_grey", &residual)?;
+                    scalars(xml, "residual_percent", &residual_percent)?;
+                }
                 misfit.as_ref().map_or(Ok(()), |misfit| scalars(xml, "misfit_px", misfit))?;
                 mark.as_ref().map_or(Ok(()), |mark| scalars(xml, "mark", mark))?;
                 scalars(xml, "zone", &zone)?;

@@ -22,6 +22,16 @@ pub enum Target {
     Npz,
     /// DIR/fields.mat for MATLAB and scipy.io.loadmat; with --split DIR/mat/NNNNNN.mat.
     Mat,
+    /// DIR/nodemap/NNNNNN.txt as ARAMIS writes them: mm, y up.
+    Nodemap,
+    /// DIR/vic-2d/NNNNNN.csv with the columns of VIC-2D: px.
+    #[value(name = "vic-2d")]
+    Vic2d,
+    /// DIR/matchid/NNNNNN.csv with the columns of MatchID: px.
+    #[value(name = "matchid")]
+    MatchId,
+    /// DIR/boundary/NNNNNN.csv and .inp: displacements of the border of each zone, mm, y up, for a model.
+    Boundary,
 }
 
 #[derive(Debug, Args)]
@@ -37,7 +47,7 @@ pub struct ExportArgs {
     #[arg(value_name = "DIR")]
     pub run: PathBuf,
     /// What to make.
-    #[arg(long, value_name = "csv,vtu,npz,mat", value_delimiter = ',', required = true)]
+    #[arg(long, value_name = "csv,vtu,npz,mat,..", value_delimiter = ',', required = true)]
     pub to: Vec<Target>,
     /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
     #[arg(long, value_name = "1,5-20|last|all", default_value = "all")]

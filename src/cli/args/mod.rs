@@ -1,8 +1,10 @@
 //! The command line, as the user types it.
 
 mod about;
+mod compare;
 mod fields;
 mod groups;
+mod import;
 mod joint;
 mod keys;
 mod make;
@@ -13,8 +15,10 @@ mod studio;
 mod words;
 
 pub use about::*;
+pub use compare::*;
 pub use fields::*;
 pub use groups::{grouped, short_help};
+pub use import::*;
 pub use joint::*;
 pub use keys::name_flags;
 pub use make::*;
@@ -66,6 +70,10 @@ pub enum Command {
     Slurm(SlurmArgs),
     /// Make tables, ParaView, NumPy or MATLAB files of the fields of a run.
     Export(ExportArgs),
+    /// Take in the displacement fields of another program (VIC-2D, MatchID, ARAMIS, DICe, ...) as a run.
+    Import(ImportArgs),
+    /// Lay the displacements of a finite-element model over a measured field: difference, map and number.
+    Compare(CompareArgs),
     /// Read numbers from the fields of a run: points, lines, extensometers, openings.
     Probe(ProbeArgs),
     /// Draw the fields of a run as PNG or SVG: maps over the image, meshes, profiles along a line.

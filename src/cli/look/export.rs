@@ -4,6 +4,7 @@ use crate::camera::Rectifier;
 use crate::cli::args::{ExportArgs, Target};
 use crate::cli::{Outcome, Result, plural, without_doubles};
 use crate::io::arrays::{ArrayFile, ArrayFileError, Shape, Values};
+use crate::io::foreign::{Border, WrittenLayout, write_points};
 use crate::io::mat::MatWriter;
 use crate::io::npz::NpzWriter;
 use crate::io::store::{Place, Store, Variable};
@@ -38,6 +39,10 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
     for target in targets {
         match target {
             Target::Csv | Target::Vtu => export.write_by_frame(target, &about)?,
+            Target::Nodemap => export.write_points(target, WrittenLayout::Nodemap)?,
+            Target::Vic2d => export.write_points(target, WrittenLayout::Vic2d)?,
+            Target::MatchId => export.write_points(target, WrittenLayout::MatchId)?,
+            Target::Boundary => export.write_border()?,
             Target::Npz | Target::Mat => export.write_arrays(target)?,
         }
     }
@@ -68,19 +73,24 @@ impl Ticker {
     }
 }
 
-fn ending(target: Target) -> &'static str {
+/// The folder of the files of frames, and the ending of their names.
+fn place(target: Target) -> [&'static str; 2] {
     match target {
-        Target::Csv => "csv",
-        Target::Vtu => "vtu",
-        Target::Npz => "npz",
-        Target::Mat => "mat",
+        Target::Csv => ["csv"; 2],
+        Target::Vtu => ["vtu"; 2],
+        Target::Npz => ["npz"; 2],
+        Target::Mat => ["mat"; 2],
+        Target::Nodemap => ["nodemap", "txt"],
+        Target::Vic2d => ["vic-2d", "csv"],
+        Target::MatchId => ["matchid", "csv"],
+        Target::Boundary => ["boundary", "csv"],
     }
 }
 
 /// The file of a frame, or of the whole series.
 fn name(target: Target, number: Option<usize>) -> String {
-    let kind = ending(target);
-    number.map_or_else(|| format!("fields.{kind}"), |number| format!("{kind}/{number:06}.{kind}"))
+    let [folder, ending] = place(target);
+    number.map_or_else(|| format!("fields.{ending}"), |number| format!("{folder}/{number:06}.{ending}"))
 }
 
 fn refuse_to_replace(args: &ExportArgs, output: &Path, targets: &[Target], numbers: &[usize]) -> Result<()> {
@@ -113,7 +123,7 @@ struct Export<'a> {
 impl Export<'_> {
     fn write_by_frame(&mut self, target: Target, about: &About) -> Result<()> {
         let Self { store, folder, numbers, .. } = self;
-        folder.make(ending(target))?;
+        folder.make(place(target)[0])?;
         let camera = Rectifier::new(about.header.camera()?, store.mesh())?;
         for (done, &number) in numbers.iter().enumerate() {
             // Both are there: the status was looked at.
@@ -129,7 +139,7 @@ impl Export<'_> {
                 &camera.rectify(&frame.measurement),
                 &strain,
             )?;
-            self.ticker.tick(ending(target), done + 1, numbers.len());
+            self.ticker.tick(place(target)[0], done + 1, numbers.len());
         }
         if target == Target::Vtu {
             // Those of an earlier call and of the run itself as well: the list is that of the folder.
@@ -140,10 +150,53 @@ impl Export<'_> {
         Ok(())
     }
 
+    /// Writes the frames in the layout of another program.
+    fn write_points(&mut self, target: Target, layout: WrittenLayout) -> Result<()> {
+        let Self { store, folder, numbers, .. } = self;
+        let header = store.header();
+        if layout.needs_scale() && header.pixel_size.is_none() {
+            return Err(
+                "a nodemap is in mm, and the run has no pixel size; correlate again with --pixel-size MM".into()
+            );
+        }
+        let [subfolder, _] = place(target);
+        folder.make(subfolder)?;
+        for (done, &number) in numbers.iter().enumerate() {
+            let (Some(frame), Some(strain)) = (store.frame(number)?, store.strain(number)?) else { continue };
+            let comments = [format!("quadrille {}, frame {number}: {}", header.quadrille, frame.file)];
+            folder.write(&name(target, Some(number)), |out| {
+                write_points(out, layout, &comments, &frame.measurement, &strain, header.pixel_size)
+            })?;
+            self.ticker.tick(subfolder, done + 1, numbers.len());
+        }
+        Ok(())
+    }
+
+    /// Writes the displacements of the borders of zones.
+    fn write_border(&mut self) -> Result<()> {
+        let Self { store, folder, numbers, .. } = self;
+        let Some(scale) = store.header().pixel_size else {
+            return Err(
+                "a boundary is in mm, and the run has no pixel size; correlate again with --pixel-size MM".into()
+            );
+        };
+        let [subfolder, _] = place(Target::Boundary);
+        folder.make(subfolder)?;
+        for (done, &number) in numbers.iter().enumerate() {
+            let Some(frame) = store.frame(number)? else { continue };
+            let title = format!("quadrille {}, frame {number}: {}", store.header().quadrille, frame.file);
+            let border = Border::of(&frame.measurement, scale);
+            folder.write(&name(Target::Boundary, Some(number)), |out| border.write_csv(out, &title))?;
+            folder.write(&format!("{subfolder}/{number:06}.inp"), |out| border.write_inp(out, &title))?;
+            self.ticker.tick(subfolder, done + 1, numbers.len());
+        }
+        Ok(())
+    }
+
     fn write_arrays(&mut self, target: Target) -> Result<()> {
         let Self { store, folder, numbers, split, ticker } = self;
         if *split {
-            folder.make(ending(target))?;
+            folder.make(place(target)[0])?;
         }
         let files: Vec<(String, &[usize])> = match split {
             true => numbers.chunks(1).map(|one| (name(target, Some(one[0])), one)).collect(),
@@ -158,7 +211,7 @@ impl Export<'_> {
                 };
                 written.map_err(io::Error::other)
             })?;
-            ticker.tick(ending(target), done + 1, n_files);
+            ticker.tick(place(target)[0], done + 1, n_files);
         }
         Ok(())
     }

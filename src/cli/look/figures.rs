@@ -9,7 +9,7 @@ use crate::field::StrainWindow;
 use crate::imaging::Image;
 use crate::io::images::Accepted;
 use crate::io::series::Frame;
-use crate::io::store::{Store, StoreHeader, StoredFrame};
+use crate::io::store::{Store, StoreHeader, StoredFrame, Variable};
 use crate::report::{Backdrop, Figure, FigureOptions, Picture, draw_figure, draw_frame, ends_of};
 use crate::run::{FIGURES, Record, frame_in_words, strain_window};
 use rayon::prelude::*;
@@ -28,7 +28,15 @@ pub(crate) fn run(args: &FiguresArgs) -> Result<Outcome> {
         return Err(format!("{}: no frame asked for has a field; see summary.json", store.path().display()).into());
     }
     let folder = args.output.clone().unwrap_or_else(|| args.run.join(FIGURES));
-    let series = RunFigures::new(&store, options(args, store.header())?, args.scale, args.talk.quiet);
+    let mut options = options(args, store.header())?;
+    let is_residual = |figure: &Figure| matches!(figure, Figure::Residual | Figure::ResidualPercent);
+    if !store.has(Variable::Residual) {
+        if args.quantity.iter().any(is_residual) {
+            return Err("the fields were imported from another program: they have no residual".into());
+        }
+        options.figures.retain(|figure| !is_residual(figure));
+    }
+    let series = RunFigures::new(&store, options, args.scale, args.talk.quiet);
     if !series.options.formats.is_empty() {
         series.draw(&numbers, &folder, args.threads.threads)?;
     }

@@ -10,6 +10,7 @@ use crate::cli::args::StudioArgs;
 use crate::cli::{Outcome, Result, signals};
 use crate::run::Request;
 use desk::Studied;
+use folder::is_inside;
 use job::Job;
 use std::net::{Ipv4Addr, TcpListener};
 use std::path::Path;
@@ -25,7 +26,15 @@ pub(super) fn run(args: &StudioArgs) -> Result<Outcome> {
     let within = |name: &Path, flag: &str| {
         let plain = name.components().count() == 1 && name.file_name().is_some();
         let words = "it has to be a plain name: it lies in the folder of the images";
-        plain.then(|| folder.join(name)).ok_or_else(|| format!("{flag} {}: {words}", name.display()))
+        if !plain {
+            return Err(format!("{flag} {}: {words}", name.display()));
+        }
+        let path = folder.join(name);
+        // A link of that name may lead anywhere, also one to nothing yet.
+        if path.is_symlink() && !is_inside(&folder, &path) {
+            return Err(format!("{flag} {}: is a link that leads out of the folder; remove it", name.display()));
+        }
+        Ok(path)
     };
     let studied = Studied {
         case: within(&args.case, "--case")?,

@@ -20,12 +20,14 @@ use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::task::{Context, Poll};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const MOST_BYTES: usize = 4 << 20;
 const MOST_AT_ONCE: usize = 64;
-/// How long one may take to arrive, or to leave.
+/// How long an answer may take to leave.
 const PATIENCE: Duration = Duration::from_secs(60);
+/// How long a request may take to arrive as a whole; and where more than half of all places are taken.
+const ARRIVAL: [Duration; 2] = [Duration::from_secs(10), Duration::from_secs(1)];
 /// How often is looked whether to go on.
 const EVERY: Duration = Duration::from_millis(100);
 
@@ -88,30 +90,39 @@ pub(super) fn serve(
                 continue;
             }
         };
-        if at_once.fetch_add(1, Ordering::SeqCst) >= MOST_AT_ONCE {
+        let n_before = at_once.fetch_add(1, Ordering::SeqCst);
+        if n_before >= MOST_AT_ONCE {
             at_once.fetch_sub(1, Ordering::SeqCst);
             continue;
         }
+        let [usual, crowded] = ARRIVAL;
+        let patience = if n_before > MOST_AT_ONCE / 2 { crowded } else { usual };
         let (token, answer, at_once) = (Arc::clone(&token), Arc::clone(&answer), Arc::clone(&at_once));
         std::thread::spawn(move || {
             // A browser that goes away is no matter.
-            let _ = answer_one(stream, &token, &*answer);
+            let _ = answer_one(stream, patience, &token, &*answer);
             at_once.fetch_sub(1, Ordering::SeqCst);
         });
     }
     Ok(())
 }
 
-/// Answers the one request of a connection.
-fn answer_one(stream: TcpStream, token: &str, answer: &impl Fn(&Asked) -> Answer) -> io::Result<()> {
+/// Answers the one request of a connection, which has arrived within `patience`.
+fn answer_one(
+    stream: TcpStream,
+    patience: Duration,
+    token: &str,
+    answer: &impl Fn(&Asked) -> Answer,
+) -> io::Result<()> {
     stream.set_nonblocking(false)?;
-    stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
     stream.set_nodelay(true)?;
     let service = service_fn(|request| async { Ok::<_, Infallible>(response(checked(request, token, answer).await)) });
     // With half closed connections allowed nothing is read while an answer is made: reading waits here.
-    let connection =
-        http1::Builder::new().keep_alive(false).half_close(true).serve_connection(Blocking(stream), service);
+    let connection = http1::Builder::new()
+        .keep_alive(false)
+        .half_close(true)
+        .serve_connection(Blocking::new(stream, patience), service);
     pollster::block_on(connection).map_err(io::Error::other)
 }
 
@@ -176,28 +187,48 @@ fn response(answer: Answer) -> Response<Full<Bytes>> {
 }
 
 /// A connection of which reading and writing wait: its thread has nothing else to do.
-struct Blocking(TcpStream);
+struct Blocking {
+    stream: TcpStream,
+    /// When all of the request has to be there.
+    until: Instant,
+}
+
+impl Blocking {
+    fn new(stream: TcpStream, patience: Duration) -> Self {
+        Self { stream, until: Instant::now() + patience }
+    }
+
+    /// Reads what is there, and waits no longer than until the end: a byte now and then keeps no place.
+    fn read(&mut self, room: &mut [u8]) -> io::Result<usize> {
+        let left = self.until.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(io::ErrorKind::TimedOut.into());
+        }
+        self.stream.set_read_timeout(Some(left))?;
+        self.stream.read(room)
+    }
+}
 
 impl hyper::rt::Read for Blocking {
     fn poll_read(mut self: Pin<&mut Self>, _: &mut Context<'_>, mut into: ReadBufCursor<'_>) -> Poll<io::Result<()>> {
         let mut room = [0; 8192];
         let most = room.len().min(into.remaining());
-        Poll::Ready(self.0.read(&mut room[..most]).map(|n| into.put_slice(&room[..n])))
+        Poll::Ready(self.read(&mut room[..most]).map(|n| into.put_slice(&room[..n])))
     }
 }
 
 impl hyper::rt::Write for Blocking {
     fn poll_write(mut self: Pin<&mut Self>, _: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        Poll::Ready(self.0.write(bytes))
+        Poll::Ready(self.stream.write(bytes))
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Poll::Ready(self.0.flush())
+        Poll::Ready(self.stream.flush())
     }
 
     fn poll_shutdown(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
         // Whoever is gone already needs no end.
-        let _ = self.0.shutdown(std::net::Shutdown::Write);
+        let _ = self.stream.shutdown(std::net::Shutdown::Write);
         Poll::Ready(Ok(()))
     }
 }

@@ -138,7 +138,9 @@ impl CorrelationReport<'_> {
             let rms = |s: &[f64; 2]| (0.5 * (s[0] * s[0] + s[1] * s[1])).sqrt();
             let sigma: Vec<f64> = field.sigma_at_points().iter().map(rms).collect();
             let name = "Residual of each element, rms: uniform where there is only noise";
-            add(name, "grey levels", Palette::Plasma, element_cells(field, &field.element_residual)?);
+            if !field.element_residual.is_empty() {
+                add(name, "grey levels", Palette::Plasma, element_cells(field, &field.element_residual)?);
+            }
             let name = "Standard uncertainty of the displacement, rms of both components";
             add(name, "px", Palette::Viridis, nodal_cells(field, &sigma)?);
         }

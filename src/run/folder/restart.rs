@@ -6,6 +6,7 @@
 
 use crate::backend::GreyTransfer;
 use crate::correlate::{Correlation, Start};
+use crate::digest::sha256_hex;
 use crate::field::{Measurement, Status, UpdateReference};
 use crate::io::images::Accepted;
 use crate::io::series::Frame;
@@ -34,6 +35,9 @@ pub(crate) struct FrameRecord {
     pub summary: FrameSummary,
     /// Of its file; none when that could not be read.
     pub sha256: Option<String>,
+    /// Size and time of its file when it was read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    image: Option<Stamp>,
     /// Gain and offset of each zone: where the next frame starts.
     #[serde(default)]
     transfer: Vec<[f64; 2]>,
@@ -55,12 +59,13 @@ impl FrameRecord {
     pub fn new(
         folder: &Path,
         summary: FrameSummary,
-        sha256: Option<String>,
+        (image, sha256): (Option<&Path>, Option<String>),
         result: Option<&Correlation>,
         files: impl IntoIterator<Item = PathBuf>,
     ) -> Result<Self> {
         let (transfer, unmeasured, left_out, bytes) = Default::default();
-        let mut record = Self { summary, sha256, transfer, unmeasured, left_out, bytes };
+        let image = image.and_then(Stamp::of);
+        let mut record = Self { summary, sha256, image, transfer, unmeasured, left_out, bytes };
         if let Some((result, start)) = result.and_then(|result| Some((result, result.next_start()?))) {
             record.transfer = start.transfer.iter().map(|transfer| [transfer.gain, transfer.offset]).collect();
             record.left_out = start.left_out;
@@ -89,9 +94,33 @@ impl FrameRecord {
         serde_json::from_slice::<Self>(&text).ok().filter(|record| record.summary.number == number)
     }
 
+    /// Whether the image is another than the one that was measured. Where size and time are the same, nothing is read; a
+    /// file that is gone says nothing.
+    fn is_of_another(&self, image: &Path) -> bool {
+        let (Some(was), Some(is)) = (&self.image, Stamp::of(image)) else { return false };
+        *was != is && fs::read(image).is_ok_and(|bytes| self.sha256.as_deref() != Some(&*sha256_hex(&bytes)))
+    }
+
     /// Whether its files are as long as they were written.
     fn is_whole(&self, folder: &Path) -> bool {
         self.bytes.iter().all(|(file, &bytes)| fs::metadata(folder.join(file)).is_ok_and(|about| about.len() == bytes))
+    }
+}
+
+/// Size and time of an image file: where both are as before, so is the content.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Stamp {
+    bytes: u64,
+    /// Nanoseconds since 1970.
+    modified_ns: u64,
+}
+
+impl Stamp {
+    /// That of a file; none of one that is not there.
+    fn of(file: &Path) -> Option<Self> {
+        let about = fs::metadata(file).ok()?;
+        let since = about.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
+        Some(Self { bytes: about.len(), modified_ns: since.as_nanos() as u64 })
     }
 }
 
@@ -113,12 +142,15 @@ pub(crate) struct Earlier {
     unreadable: BTreeMap<usize, (FrameSummary, Option<String>)>,
     /// Frames with a status that are not whole.
     pub damaged: Vec<usize>,
+    /// Frames whose image is another than the one that was measured.
+    pub replaced: Vec<usize>,
 }
 
 impl Earlier {
-    /// The frames of `numbers` that are done, with CSV and VTU files where these are wanted and there is a field. Runs
-    /// on the threads of the pool it is called in.
-    pub fn find(store: &Store, folder: &Path, numbers: &[usize], [csv, vtu]: [bool; 2]) -> Self {
+    /// The frames of `numbers` that are done, with CSV and VTU files where these are wanted and there is a field, and
+    /// whose images (of the series `frames`) are those that were measured. Runs on the threads of the pool it is called
+    /// in.
+    pub fn find(store: &Store, folder: &Path, (frames, numbers): (&[Frame], &[usize]), [csv, vtu]: [bool; 2]) -> Self {
         let written = |number: &usize| fs::metadata(store.status_file(*number)).and_then(|about| about.modified()).ok();
         let times: Vec<Option<SystemTime>> = numbers.par_iter().map(written).collect();
         let last = times.iter().flatten().max().copied();
@@ -138,7 +170,9 @@ impl Earlier {
                 let whole = record.is_whole(folder)
                     && (!status.has_field() || has_tables())
                     && (!is_new(time) || store.check(number).is_ok());
-                whole.then_some((record.summary, record.sha256))
+                let image = number.checked_sub(1).and_then(|at| frames.get(at));
+                let is_replaced = whole && image.is_some_and(|image| record.is_of_another(&image.path));
+                whole.then_some((record.summary, record.sha256, is_replaced))
             };
             Some((number, whole()))
         };
@@ -147,8 +181,11 @@ impl Earlier {
         for (number, frame) in found {
             match frame {
                 // A file that could not be read may be there now.
-                Some(frame) if frame.0.status == Status::Unreadable => drop(earlier.unreadable.insert(number, frame)),
-                Some(frame) => drop(earlier.done.insert(number, frame)),
+                Some((summary, sha256, _)) if summary.status == Status::Unreadable => {
+                    earlier.unreadable.insert(number, (summary, sha256));
+                }
+                Some((.., true)) => earlier.replaced.push(number),
+                Some((summary, sha256, false)) => drop(earlier.done.insert(number, (summary, sha256))),
                 None => earlier.damaged.push(number),
             }
         }
@@ -165,7 +202,7 @@ impl Earlier {
         update: UpdateReference,
         mesh: &Mesh<Px>,
     ) -> (Self, Kept) {
-        let Self { mut done, mut unreadable, damaged } = self;
+        let Self { mut done, mut unreadable, damaged, replaced } = self;
         let is_as_before = |number: usize, sha256: &Option<String>| {
             let frame = frames.get(number - 1);
             frame.is_some_and(|frame| frame.read(accepted).map(|loaded| loaded.sha256).ok() == *sha256)
@@ -177,7 +214,7 @@ impl Earlier {
         }
         let kept = Kept::last(folder, number - 1, update, mesh);
         done.retain(|&number, _| number <= kept.number);
-        (Self { done, unreadable, damaged }, kept)
+        (Self { done, unreadable, damaged, replaced }, kept)
     }
 }
 

@@ -57,8 +57,11 @@ impl RunFolder {
     /// Nothing is removed yet.
     pub fn open(path: &Path, overwrite: bool) -> Result<Self> {
         let folder = Self::writable(path)?;
-        if folder.holds_run() && !overwrite {
-            return Err(folder.holds_another(None));
+        if !overwrite {
+            if folder.holds_run() {
+                return Err(folder.holds_another(None));
+            }
+            folder.spare_files_of_others()?;
         }
         Ok(folder)
     }
@@ -75,6 +78,19 @@ impl RunFolder {
 
     pub(crate) fn holds_run(&self) -> bool {
         [Self::CASE, Self::SUMMARY, STORE].iter().chain(&FITS).any(|name| self.has(name))
+    }
+
+    /// Refuses a folder without a run in which files have the names of results: their owner may not know.
+    pub(crate) fn spare_files_of_others(&self) -> Result<()> {
+        // What a process that was killed while it cleared the folder has left is no one else's.
+        if self.holds_run() || self.has(Self::FRAMES) {
+            return Ok(());
+        }
+        let names = [Self::REPORT.to_owned(), SERIES.to_owned(), csv_name(1), vtu_name(1)];
+        match names.into_iter().find(|name| self.has(name)) {
+            Some(name) => Err(RunError::FileOfOthers { path: self.0.join(name) }),
+            None => Ok(()),
+        }
     }
 
     /// Why a run that is there is not replaced; and why it cannot be gone on with, when that was tried.
@@ -269,6 +285,13 @@ impl About {
 
     /// The comment lines of a table.
     fn table_head(&self, number: usize, file: &str) -> Vec<String> {
+        if let Some(program) = self.header.imported_from() {
+            return vec![
+                format!("quadrille {}: displacement of points that {program} measured", self.header.quadrille),
+                format!("frame {number}: {file}"),
+                format!("points about {} px apart", self.header.element_size_px),
+            ];
+        }
         let options = &self.case.correlation;
         let named = [
             options.interpolation.map(|interpolation| format!("{} interpolation", interpolation.name())),

@@ -122,7 +122,8 @@ impl<'a> Output<'a> {
             store.write_residual(number, measurement)?;
         }
         let tracked = result.as_ref().filter(|_| plan.options.start == StartFrom::Previous);
-        let record = FrameRecord::new(folder.path(), summary, sha256, tracked, files)?;
+        let image = plan.deformed.get(number - 1).map(|frame| frame.path.as_path());
+        let record = FrameRecord::new(folder.path(), summary, (image, sha256), tracked, files)?;
         folder.write(&FrameRecord::name(number), |out| Ok(serde_json::to_writer(out, &record)?))?;
         if let Some(kept) = &kept {
             folder.write(&Kept::name(number), |out| kept.write(out))?;

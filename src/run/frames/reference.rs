@@ -12,6 +12,7 @@ use crate::run::plan::Plan;
 use crate::run::words::remarks::{of_reference, reference_blurred};
 use crate::run::words::{Result, RunError, chain};
 use crate::units::Px;
+use std::path::Path;
 
 /// The reference image, or the mean of several.
 pub(crate) struct Reference {
@@ -75,17 +76,29 @@ impl Reference {
 
 /// Bytes per pixel of the image that no correlation does without, however small its zone: images, coefficients and the
 /// search of a start (15 measured with the program itself).
-const LEAST_BYTES: u128 = 12;
+const LEAST_BYTES: u128 = 15;
 
 /// Refuses an image whose correlation this process cannot have the memory for: somewhere within, it would be ended
 /// without a word of what to do.
 fn has_room(image: &Image, of: &Frame) -> Result<()> {
     let bytes = LEAST_BYTES * image.width() as u128 * image.height() as u128;
-    if usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok()) {
+    let is_allowed = memory_limit().is_none_or(|limit| bytes <= u128::from(limit));
+    if is_allowed && usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok()) {
         return Ok(());
     }
     let (width, height) = (image.width() as u64, image.height() as u64);
     Err(ReadError::Memory { path: of.path.clone(), width, height, bytes }.into())
+}
+
+/// What the control group of this process lets it have, bytes; none where nothing limits it, or elsewhere than on Linux.
+fn memory_limit() -> Option<u64> {
+    let groups = std::fs::read_to_string("/proc/self/cgroup").ok()?;
+    let own = groups.lines().find_map(|line| line.strip_prefix("0::"));
+    let number = |file: String| std::fs::read_to_string(file).ok()?.trim().parse::<u64>().ok();
+    // A limit of any group above holds as well. Within a container the own one is seen as the root.
+    let above = own.into_iter().flat_map(|own| Path::new(own.trim_start_matches('/')).ancestors());
+    let version_2 = above.filter_map(|group| number(format!("/sys/fs/cgroup/{}/memory.max", group.display())));
+    version_2.chain(number("/sys/fs/cgroup/memory/memory.limit_in_bytes".into())).min()
 }
 
 /// The rectangles that hold the zones, px: x0, y0, x1, y1.

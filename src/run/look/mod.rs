@@ -1,13 +1,16 @@
 //! What is looked at afterwards: pages, quantities, cracks.
 
+pub(crate) mod compare;
 pub(crate) mod crack_auto;
 pub(crate) mod explore;
 pub(crate) mod fit_of_run;
 pub(crate) mod ground;
 pub(crate) mod page;
+mod projection;
 pub(crate) mod quantities;
 pub(crate) mod report;
 
+pub use compare::{Comparison, PlacedModel, compare};
 pub use explore::{Explored, ExplorerPage};
 pub(crate) use fit_of_run::off_at;
 pub use fit_of_run::{FitOfRun, Off, model_less_measured};

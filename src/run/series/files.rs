@@ -96,6 +96,8 @@ struct PreparedSeries<'a> {
 struct Before {
     done: BTreeMap<usize, (FrameSummary, Option<String>)>,
     damaged: Vec<usize>,
+    /// Frames whose image is another than the one that was measured.
+    replaced: Vec<usize>,
     /// Frames that are done again because their reference is another now.
     depending: Vec<usize>,
     kept: Kept,
@@ -125,6 +127,9 @@ impl<'a> PreparedSeries<'a> {
             }
             _ => None,
         };
+        if session.existing == Existing::Continue {
+            folder.spare_files_of_others()?;
+        }
         let mut plan = there.as_ref().map_or_else(|| plan.clone(), |store| plan.as_before(store.header()));
         // Before anything is run: a load file that does not fit, or places that mean nothing, are refused now.
         if camera.is_none() {
@@ -175,6 +180,8 @@ impl<'a> PreparedSeries<'a> {
             reference,
             engine,
             correlator,
+            rectifier,
+            seconds_reference: seconds,
             saturation,
             record,
             about: About::new(header)?,
@@ -193,9 +200,10 @@ impl<'a> PreparedSeries<'a> {
     fn earlier(&self) -> Result<Before> {
         let Self { plan, folder, store, .. } = self;
         let own = self.own(plan.deformed.len());
-        let earlier = self.pool.install(|| Earlier::find(store, folder.path(), &own, [plan.csv, plan.vtu]));
+        let earlier =
+            self.pool.install(|| Earlier::find(store, folder.path(), (&plan.deformed, &own), [plan.csv, plan.vtu]));
         let mut depending = Vec::new();
-        let (Earlier { done, damaged, .. }, kept) = match plan.update {
+        let (Earlier { done, damaged, replaced, .. }, kept) = match plan.update {
             UpdateReference::Never => (earlier, Kept::default()),
             update => {
                 let accepted = plan.accepted.of_size(self.reference.width(), self.reference.height());
@@ -213,7 +221,7 @@ impl<'a> PreparedSeries<'a> {
             }
         };
         let to_do = own.iter().copied().filter(|number| !done.contains_key(number)).collect();
-        Ok(Before { done, damaged, depending, kept, own, to_do })
+        Ok(Before { done, damaged, replaced, depending, kept, own, to_do })
     }
 
     /// Says what is about to happen, and counts what was done before.
@@ -228,7 +236,8 @@ impl<'a> PreparedSeries<'a> {
         let at_begin =
             plan.said.iter().chain(&self.remarks).chain(&self.lock.remark).chain(&left_over).chain(&of_nodes);
         at_begin.for_each(|remark| watcher(Event::Remark(remark)));
-        let earlier = said::about_earlier(before.done.len(), before.to_do.len(), &before.damaged, &before.depending);
+        let again = [&before.damaged, &before.replaced, &before.depending].map(Vec::as_slice);
+        let earlier = said::about_earlier(before.done.len(), before.to_do.len(), again);
         earlier.iter().for_each(|line| watcher(Event::Note(line)));
         let borders: Vec<Remark> = correlator.bare_borders().iter().map(remarks::of_border).collect();
         borders.iter().for_each(|remark| watcher(Event::Remark(remark)));

@@ -2,6 +2,7 @@
 
 pub(crate) mod camera;
 pub(crate) mod files;
+pub(crate) mod imported;
 pub(crate) mod in_memory;
 mod prepared;
 pub(crate) mod watching;

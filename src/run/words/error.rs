@@ -5,6 +5,7 @@ use crate::camera::CameraError;
 use crate::correlate::CorrelationError;
 use crate::identify::FitError;
 use crate::io::case::{CaseCameraError, CaseError};
+use crate::io::foreign::FieldError;
 use crate::io::images::ReadError;
 use crate::io::joint::JointFileError;
 use crate::io::load::LoadError;
@@ -65,6 +66,15 @@ pub enum RunError {
         folder: PathBuf,
         /// Which process, on which machine, since when.
         who: String,
+    },
+    /// A file that no run has written, with the name of a result.
+    #[error(
+        "{}: would be overwritten, and the folder holds no run that wrote it; choose another --output folder, or replace \
+         it with --overwrite", path.display()
+    )]
+    FileOfOthers {
+        /// The file.
+        path: PathBuf,
     },
     /// A file in the place of the folder.
     #[error("{}: cannot be written, it is a file; results need a folder: choose another --output folder", path.display())]
@@ -130,6 +140,9 @@ pub enum RunError {
     /// The list of images.
     #[error(transparent)]
     Series(#[from] SeriesError),
+    /// The field of another program.
+    #[error(transparent)]
+    Foreign(#[from] FieldError),
     /// A mask.
     #[error(transparent)]
     Mask(#[from] MaskError),

@@ -31,9 +31,9 @@ pub(crate) fn begin_line(plan: &Plan, correlator: &Reference, reference: &Image,
     )
 }
 
-/// What to say of an earlier start: frames that are done, and those that are done again because they are `damaged` or
-/// depend on such.
-pub(crate) fn about_earlier(done: usize, to_do: usize, damaged: &[usize], depending: &[usize]) -> Vec<String> {
+/// What to say of an earlier start: frames that are done, and those that are done again because they are damaged, their
+/// image was replaced, or they depend on such.
+pub(crate) fn about_earlier(done: usize, to_do: usize, [damaged, replaced, depending]: [&[usize]; 3]) -> Vec<String> {
     let mut said = Vec::new();
     if done > 0 {
         let to_do = if to_do == 0 { "nothing is missing".into() } else { format!("{to_do} to do") };
@@ -42,6 +42,13 @@ pub(crate) fn about_earlier(done: usize, to_do: usize, damaged: &[usize], depend
     if !damaged.is_empty() {
         let frames = plural(damaged.len(), "frame");
         said.push(format!("stored results of {frames} are incomplete and will be recomputed: {}", ranges(damaged)));
+    }
+    if !replaced.is_empty() {
+        let frames = plural(replaced.len(), "frame");
+        said.push(format!(
+            "the images of {frames} were replaced since and will be measured again: {}",
+            ranges(replaced)
+        ));
     }
     if !depending.is_empty() {
         let frames = ranges(depending);

@@ -152,7 +152,8 @@ pub struct Measurement<U: Length> {
     pub sigma: Vec<[f64; 2]>,
     /// Whether the node was measured.
     pub measured: Vec<bool>,
-    /// Root mean square of the residual `f - g` in each element, in grey levels.
+    /// Root mean square of the residual `f - g` in each element, in grey levels; empty for the field of another program,
+    /// which has none.
     pub element_residual: Vec<f64>,
     /// What the field may be off beyond noise, in `U`; `None` where nothing estimated it, as in earlier stores.
     pub model_error: Option<ModelError>,

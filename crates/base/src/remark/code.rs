@@ -99,6 +99,10 @@ codes! {
             "How a mask or mesh file was read."
             "The share of a mask that is white, or parts of a mesh file that are not used."
             "Check that the zones are where you want them.";
+        FieldImported "field-imported" Warning
+            "The fields were measured by another program."
+            "Standard uncertainties are of single points as if these were independent. Points whose subsets overlap are not."
+            "Take intervals of fitted parameters and of means as too narrow, or import points that are a subset apart.";
         ZonesFound "zones-found" Note
             "The zones were found in the reference."
             "No zone was named. The program measures where the reference shows enough texture."

@@ -11,8 +11,8 @@ use crate::units::Vector;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The summary that a correlation leaves beside its store.
-const SUMMARY: &str = "summary.json";
+/// What a correlation, or an import, leaves beside its store.
+const SUMMARIES: [&str; 2] = ["summary.json", "import.json"];
 
 /// Reads the run in the folder `path`, or of the store `path`.
 ///
@@ -121,7 +121,8 @@ fn warnings_beside(store: &Path) -> Vec<Remark> {
         remarks: Vec<Remark>,
     }
     let places = [Some(store), store.parent()].into_iter().flatten();
-    let text = places.filter_map(|folder| std::fs::read_to_string(folder.join(SUMMARY)).ok()).next();
+    let files = places.flat_map(|folder| SUMMARIES.map(|name| folder.join(name)));
+    let text = files.filter_map(|file| std::fs::read_to_string(file).ok()).next();
     let read = text.and_then(|text| serde_json::from_str::<Remarks>(&text).ok());
     read.map_or(Vec::new(), |summary| summary.remarks.into_iter().filter(Remark::is_warning).collect())
 }

@@ -9,7 +9,7 @@ const GROUP: usize = 3;
 
 /// What a cell says about the decimal mark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Evidence {
+pub(crate) enum Evidence {
     /// Nothing: no mark, or no number.
     None,
     /// It is this one.
@@ -31,7 +31,7 @@ fn are_groups<'a>(mut pieces: impl Iterator<Item = &'a str>) -> bool {
 }
 
 /// What `cell` says.
-pub(super) fn evidence(cell: &str) -> Evidence {
+pub(crate) fn evidence(cell: &str) -> Evidence {
     let bare = cell.trim_start_matches(['+', '-']);
     if !bare.bytes().all(|c| c.is_ascii_digit() || b".,eE+-".contains(&c)) {
         return Evidence::None;
@@ -59,14 +59,14 @@ pub(super) fn evidence(cell: &str) -> Evidence {
 }
 
 /// The one mark that these say; none where they contradict each other or say nothing.
-pub(super) fn agreed(said: impl Iterator<Item = Decimal>) -> Option<Decimal> {
+pub(crate) fn agreed(said: impl Iterator<Item = Decimal>) -> Option<Decimal> {
     let mut said = said.peekable();
     let first = *said.peek()?;
     said.all(|mark| mark == first).then_some(first)
 }
 
 /// The finite number that `cell` is with this decimal mark.
-pub(super) fn number(cell: &str, decimal: Decimal) -> Option<f64> {
+pub(crate) fn number(cell: &str, decimal: Decimal) -> Option<f64> {
     let thousands = other(decimal).mark();
     let (whole, rest) = cell.split_at(cell.find([decimal.mark(), 'e', 'E']).unwrap_or(cell.len()));
     let plain = match whole.contains(thousands) {

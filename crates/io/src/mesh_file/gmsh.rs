@@ -276,7 +276,14 @@ impl Content {
             file.position(3)?; // its box: two corners
             let groups = tags(file)?;
             tags(file)?; // its boundary
-            if let Some(group) = groups {
+            if let (false, &[first, second, ..]) = (k < curves, groups.as_slice()) {
+                let what = format!("surface {number} in two physical groups ({first} and {second})");
+                return Err(MeshFileFault::Unsupported {
+                    what,
+                    remedy: "a pixel belongs to one zone: keep one group".into(),
+                });
+            }
+            if let Some(&group) = groups.first() {
                 let of_kind = if k < curves { &mut self.curve_groups } else { &mut self.groups };
                 of_kind.insert(number, group);
             }
@@ -413,15 +420,17 @@ impl Content {
     }
 }
 
-/// The first of a list of tags.
-fn tags(file: &mut Msh<'_>) -> Result<Option<i64>, MeshFileFault> {
+/// The first two groups of a list of tags.
+fn tags(file: &mut Msh<'_>) -> Result<Vec<i64>, MeshFileFault> {
     let n = file.size("the number of tags")?;
-    let mut first = None;
+    let mut found = Vec::new();
     for _ in 0..n {
-        let tag = file.int("a tag")?;
-        first.get_or_insert(group_of(tag));
+        let group = group_of(file.int("a tag")?);
+        if !found.contains(&group) && found.len() < 2 {
+            found.push(group); // two say all there is to say
+        }
     }
-    Ok(first)
+    Ok(found)
 }
 
 /// The group that a tag names: a sign is only a direction. A text may hold the one number without a positive twin.

@@ -19,19 +19,27 @@ pub(super) fn is_vtk_xml(bytes: &[u8]) -> bool {
 }
 
 pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, MeshFileFault> {
-    // What is appended may be raw bytes, which are no XML: the file is cut there.
-    let (xml, behind) = split(bytes, find(bytes, b"<AppendedData").unwrap_or(bytes.len()));
-    let appended = if behind.is_empty() { None } else { Some(Appended::of(behind)?) };
-    let mut file = Vtu { xml, appended, encoding: Encoding::default() };
-    let pieces = file.pieces()?;
-    if appended.is_none() && find(bytes, b"</VTKFile>").is_none() {
-        return Err(MeshFileFault::Truncated("its end, </VTKFile>, is missing".into()));
-    }
+    let (file, pieces) = Vtu::open(bytes)?;
     let mut parsed = Parsed::default();
     for piece in pieces {
         file.add(&piece, &mut parsed)?;
     }
     Ok(parsed)
+}
+
+/// The vectors at points by their names, x and y of each point.
+pub(super) fn vectors(bytes: &[u8]) -> Result<Vec<(String, Vec<[f64; 2]>)>, MeshFileFault> {
+    let (file, pieces) = Vtu::open(bytes)?;
+    let mut found: Vec<(String, Vec<[f64; 2]>)> = Vec::new();
+    for array in pieces.iter().flat_map(|piece| &piece.vectors) {
+        let values = file.numbers(array)?;
+        let pairs = values.chunks_exact(array.components).filter_map(|v| Some([*v.first()?, *v.get(1)?]));
+        match found.iter_mut().find(|(name, _)| *name == array.name) {
+            Some((_, of_all)) => of_all.extend(pairs),
+            None => found.push((array.name.clone(), pairs.collect())),
+        }
+    }
+    Ok(found)
 }
 
 /// Bytes behind the XML.
@@ -78,6 +86,8 @@ struct Piece {
     points: Option<Array>,
     cells: HashMap<String, Array>,
     zone: Option<Array>,
+    /// Vectors at its points.
+    vectors: Vec<Array>,
 }
 
 impl Piece {
@@ -111,7 +121,20 @@ struct Vtu<'a> {
     encoding: Encoding,
 }
 
-impl Vtu<'_> {
+impl<'a> Vtu<'a> {
+    /// Reads what the file is made of.
+    fn open(bytes: &'a [u8]) -> Result<(Self, Vec<Piece>), MeshFileFault> {
+        // What is appended may be raw bytes, which are no XML: the file is cut there.
+        let (xml, behind) = split(bytes, find(bytes, b"<AppendedData").unwrap_or(bytes.len()));
+        let appended = if behind.is_empty() { None } else { Some(Appended::of(behind)?) };
+        let mut file = Self { xml, appended, encoding: Encoding::default() };
+        let pieces = file.pieces()?;
+        if appended.is_none() && find(bytes, b"</VTKFile>").is_none() {
+            return Err(MeshFileFault::Truncated("its end, </VTKFile>, is missing".into()));
+        }
+        Ok((file, pieces))
+    }
+
     fn invalid(&self, at: usize, what: impl Into<String>) -> MeshFileFault {
         MeshFileFault::Invalid { place: format!("line {}", line_at(self.xml, at)), what: what.into() }
     }
@@ -169,6 +192,7 @@ impl Vtu<'_> {
                 match section.as_str() {
                     "Points" => piece.points = Some(array),
                     "Cells" => drop(piece.cells.insert(array.name.clone(), array)),
+                    "PointData" if array.components == 2 || array.components == 3 => piece.vectors.push(array),
                     "CellData" if ZONES.contains(&array.name.as_str()) => piece.zone = Some(array),
                     _ => {}
                 }

@@ -210,12 +210,27 @@ fn reading(runs: &[Run<'_>]) -> Reading {
     let decimal = ['.', ','].into_iter().find(|&mark| is_decimal(runs, mark));
     // Behind a letter or at a dash a sign separates, unless another name has the same and a number without it.
     let bare: BTreeSet<&str> = runs.iter().filter(|run| matches!(run.sign, "" | "+")).map(|run| run.before).collect();
-    let is_sign =
-        |run: &Run<'_>| run.before.is_empty() || run.before.ends_with(['=', '_', '(']) || bare.contains(run.before);
+    let is_sign = |run: &Run<'_>| {
+        run.before.is_empty()
+            || run.before.ends_with(['=', '_', '('])
+            || bare.contains(run.before)
+            || is_symbol(run.before) && is_signed_unit(run.unit)
+    };
     let sign = runs.iter().any(|run| !matches!(run.sign, "" | "+") && is_sign(run));
     // 1e5 may be anything; 1e-5 is a power of ten.
     let exponent = runs.iter().any(|run| run.exponent.contains(['-', '+']));
     Reading { decimal, sign, exponent, units: have_units(runs) }
+}
+
+/// Whether a text ends in a letter that stands alone, as the symbol of a quantity does: `T` of `T-20C`.
+fn is_symbol(before: &str) -> bool {
+    let mut letters = before.chars().rev();
+    letters.next().is_some_and(char::is_alphabetic) && !letters.next().is_some_and(char::is_alphanumeric)
+}
+
+/// Whether a unit is one of quantities that are below zero as often as not.
+fn is_signed_unit(unit: &str) -> bool {
+    matches!(unit, "C" | "degC" | "V" | "mV") || unit_of(unit).is_some()
 }
 
 /// Whether `mark` is the decimal mark of the numbers at one place.
@@ -292,6 +307,8 @@ mod tests {
         assert_order(&["T-20C.png", "T-10C.png", "T0C.png", "T5.5C.png", "T10C.png"]);
         assert_order(&["T-20.png", "T-10.png", "T+5.png"]);
         assert_order(&["F=-5.tif", "F=-1.tif"]);
+        assert_order(&["T-20C.png", "T-10C.png"]);
+        assert_order(&["a_F-5kN.png", "a_F-1kN.png"]);
         assert_order(&["rate 1e-4.tif", "rate 2.5e-4.tif", "rate 1e-3.tif", "rate 1e0.tif", "rate 1e+2.tif"]);
         assert_order(&["0N.tif", "500N.tif", "1kN.tif", "1.5kN.tif"]);
         assert_order(&["F=0.25kN/img_2.tif", "F=0.25kN/img_10.tif", "F=0.5kN/img_1.tif"]);
@@ -301,6 +318,7 @@ mod tests {
     fn dashes_points_and_commas_between_counts_are_none() {
         assert_order(&["img_0001.tif", "img_2.tif", "img_0010.tif"]);
         assert_order(&["a-1.tif", "a-2.tif", "a-10.tif"]);
+        assert_order(&["plate-20C.tif", "plate-40C.tif"]);
         assert_order(&["2026-11-28_001.tif", "2026-11-28_002.tif", "2026-12-01_001.tif"]);
         assert_order(&["v1.2.3.tif", "v1.2.10.tif", "v1.10.1.tif"]);
         assert_order(&["run2.1.tif", "run2.2.tif", "run2.10.tif"]);

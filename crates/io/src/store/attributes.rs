@@ -21,6 +21,9 @@ pub(super) const SIGMA: &str = "Cov = sigma^2 [(1/k + gain^2) M0^-1 + gain^2 v M
                      noise that interpolation lets through, v that of its product with the noise of the gradient; where the noise is not white or rises with the grey \
                      level, sigma is made for that (noise_correlation_factor, noise_photon of the frame's record)";
 
+pub(super) const SIGMA_IMPORTED: &str = "of single points: stated, estimated from fields at rest, or from the file of the other program; \
+                              see import.json";
+
 /// Definition of the strains in words and numbers.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct StrainAttributes {
@@ -101,7 +104,7 @@ impl Attributes {
                     .chain(header.strain_window.iter().flat_map(|window| window.describe(length)))
                     .collect(),
             },
-            sigma: SIGMA.to_owned(),
+            sigma: header.sigma().to_owned(),
             zones: header.mesh.zones().to_vec(),
             image_size_px: header.image_size_px,
             pixel_size_mm: header.pixel_size.map(PixelSize::mm_per_px),

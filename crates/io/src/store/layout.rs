@@ -47,7 +47,7 @@ pub enum Variable {
     SigmaStrainWindow,
     /// What it may be off beyond noise; not in stores of earlier versions.
     ModelErrorStrainWindow,
-    /// Residual of the elements.
+    /// Residual of the elements; not of fields that another program measured.
     Residual,
     /// What the displacement of the nodes may be off beyond noise; not in stores of earlier versions.
     ModelError,
@@ -215,9 +215,9 @@ impl Variable {
         self.components().len().max(1)
     }
 
-    /// Whether every store has it: those of earlier versions do not have all.
+    /// Whether every store has it: those of earlier versions and of other programs do not have all.
     pub fn is_in_every_store(self) -> bool {
-        let is_later = matches!(self, Variable::ModelError | Variable::Misfit | Variable::Mark);
+        let is_later = matches!(self, Variable::Residual | Variable::ModelError | Variable::Misfit | Variable::Mark);
         !is_later && !self.is_of_points() && !self.is_of_window()
     }
 

@@ -13,6 +13,10 @@ mod reader;
 mod writer;
 
 pub use super::STORE;
+
+/// How the device of fields begins that were imported from another program.
+pub const IMPORTED_FROM: &str = "imported from ";
+
 pub use layout::{Place, Variable};
 pub use reader::{Store, StoredFrame};
 pub use writer::{EncodedField, StoreWriter, remove_store};
@@ -88,6 +92,16 @@ impl StoreHeader {
         case.get("camera").and_then(|section| section.clone().try_into().ok())
     }
 
+    /// The program that measured the fields, where they were imported.
+    pub fn imported_from(&self) -> Option<&str> {
+        self.device.strip_prefix(IMPORTED_FROM)
+    }
+
+    /// How the standard uncertainties are made.
+    fn sigma(&self) -> &'static str {
+        if self.imported_from().is_some() { attributes::SIGMA_IMPORTED } else { attributes::SIGMA }
+    }
+
     /// What a reader must know, a line each: version, device, reference frame, units, uncertainties and strains.
     pub fn about(&self) -> Vec<String> {
         let mut lines = vec![
@@ -98,7 +112,7 @@ impl StoreHeader {
         for variable in Variable::ALL.into_iter().filter(is_there) {
             lines.push(format!("{} [{}]: {}", variable.name(), variable.unit(), variable.meaning()));
         }
-        lines.push(format!("sigma: {}", attributes::SIGMA));
+        lines.push(format!("sigma: {}", self.sigma()));
         lines.extend(self.strain.describe(self.element_size_px));
         lines.extend(self.strain_window.iter().flat_map(|window| window.describe(self.element_size_px)));
         lines

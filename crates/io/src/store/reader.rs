@@ -210,7 +210,10 @@ impl Store {
         let codes: Vec<u8> = self.variable(number, Variable::Measured)?;
         let mut displacement = pairs(&self.variable::<f64>(number, Variable::Displacement)?);
         let mut sigma = pairs(&doubles(&self.variable(number, Variable::Sigma)?));
-        let element_residual = doubles(&self.variable(number, Variable::Residual)?);
+        let element_residual = match self.has(Variable::Residual) {
+            true => doubles(&self.variable(number, Variable::Residual)?),
+            false => Vec::new(),
+        };
         let measured = self.flags(number, Variable::Measured, codes)?;
         for pairs in [&mut displacement, &mut sigma] {
             self.keep_measured(number, Variable::Displacement, "number", &measured, pairs)?;

@@ -61,6 +61,13 @@ pub struct StoreWriter {
 #[derive(Debug)]
 pub struct EncodedField(Vec<(StoreKey, Option<Bytes>)>);
 
+/// Whether the fields of a store have residuals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Residuals {
+    Kept,
+    None,
+}
+
 /// What a store says of its frames.
 #[derive(Debug)]
 struct ByFrame {
@@ -76,8 +83,20 @@ impl StoreWriter {
     /// # Errors
     /// Something else that stands there, and what the file system refuses.
     pub fn create(path: &Path, header: &StoreHeader) -> Result<Self, StoreError> {
+        Self::replace(path, header, Residuals::Kept)
+    }
+
+    /// [`StoreWriter::create`] for fields that another program measured, which have no residual.
+    ///
+    /// # Errors
+    /// As [`StoreWriter::create`].
+    pub fn create_for_points(path: &Path, header: &StoreHeader) -> Result<Self, StoreError> {
+        Self::replace(path, header, Residuals::None)
+    }
+
+    fn replace(path: &Path, header: &StoreHeader, residuals: Residuals) -> Result<Self, StoreError> {
         remove_store(path)?;
-        let part = Self::prepare(path, header)?;
+        let part = Self::prepare(path, header, residuals)?;
         // What is not of the store stays where it was.
         let moved = || -> io::Result<()> {
             for entry in fs::read_dir(path).into_iter().flatten() {
@@ -98,7 +117,7 @@ impl StoreWriter {
     /// Something else that stands there, and what the file system refuses.
     pub fn create_or_open(path: &Path, header: &StoreHeader) -> Result<Self, StoreError> {
         if !path.join("zarr.json").exists() {
-            let part = Self::prepare(path, header)?;
+            let part = Self::prepare(path, header, Residuals::Kept)?;
             if let Err(error) = fs::rename(&part, path) {
                 let _ = fs::remove_dir_all(&part);
                 if !path.join("zarr.json").exists() {
@@ -142,7 +161,7 @@ impl StoreWriter {
         let n_frames = attributes.frames.len();
         if n_frames > series.room {
             let room = n_frames + ROOM_AHEAD.max(n_frames / 4);
-            create_frames(&folder, room, &self.mesh, false)?;
+            create_frames(&folder, room, &self.mesh, |_| false)?;
             series.room = room;
         }
         write_group(&folder, &attributes)?;
@@ -161,19 +180,19 @@ impl StoreWriter {
     }
 
     /// A whole store beside `path`, on the disk, for renaming.
-    fn prepare(path: &Path, header: &StoreHeader) -> Result<PathBuf, StoreError> {
+    fn prepare(path: &Path, header: &StoreHeader, residuals: Residuals) -> Result<PathBuf, StoreError> {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let mut part = path.as_os_str().to_owned();
         part.push(format!(".{}-{:x}{PART}", std::process::id(), since.as_nanos()));
         let part = PathBuf::from(part);
-        Self::fill(&part, header).inspect_err(|_| {
+        Self::fill(&part, header, residuals).inspect_err(|_| {
             let _ = fs::remove_dir_all(&part); // what is left of it helps nobody
         })?;
         Ok(part)
     }
 
     /// Writes everything of a store but its frames into the folder `path`.
-    fn fill(path: &Path, header: &StoreHeader) -> Result<(), StoreError> {
+    fn fill(path: &Path, header: &StoreHeader, residuals: Residuals) -> Result<(), StoreError> {
         fs::create_dir_all(path).map_err(|error| StoreError::write(path.to_owned(), error))?;
         let folder = Arc::new(Folder::durable(path));
         let attributes = Attributes::of(header);
@@ -184,7 +203,11 @@ impl StoreWriter {
         write_constant(&folder, &Form::element_nodes(n_elements), mesh.elements().as_flattened())?;
         write_constant(&folder, &Form::node_zone(n_nodes), mesh.node_zone())?;
         write_constant(&folder, &Form::element_zone(n_elements), mesh.element_zone())?;
-        create_frames(&folder, header.frames.len(), &mesh, header.strain_window.is_some())
+        let is_wanted = |variable: Variable| match variable {
+            Variable::Residual => residuals == Residuals::Kept,
+            variable => header.strain_window.is_some() || !variable.is_of_window(),
+        };
+        create_frames(&folder, header.frames.len(), &mesh, is_wanted)
     }
 
     /// Writes frame `number` (from 1) with its strains; the status last. Of a frame that diverged or was not
@@ -342,11 +365,15 @@ impl StoreWriter {
         let mut series = self.series();
         let n_frames = series.attributes.frames.len();
         if series.room > n_frames {
-            create_frames(&Arc::new(Folder::durable(self.path())), n_frames, &self.mesh, false)?;
+            create_frames(&Arc::new(Folder::durable(self.path())), n_frames, &self.mesh, |_| false)?;
             series.room = n_frames;
         }
         series.attributes.frames_sha256 = frames_sha256;
         write_group(&self.folder, &series.attributes)
+    }
+
+    fn has(&self, variable: Variable) -> bool {
+        self.variables.iter().any(|(there, _)| *there == variable)
     }
 
     fn check_elements(&self, number: usize, what: &'static str, found: usize) -> Result<(), StoreError> {
@@ -376,7 +403,7 @@ impl StoreWriter {
             ("nodal strains", strain.nodes.len(), nodes),
             ("element strains", strain.elements.len(), elements),
             ("window strains", strain.window.as_ref().map_or(nodes, |window| window.nodes.len()), nodes),
-            ("residuals", measurement.element_residual.len(), elements),
+            ("residuals", measurement.element_residual.len(), if self.has(Variable::Residual) { elements } else { 0 }),
         ];
         match sizes.into_iter().find(|(_, found, wanted)| found != wanted) {
             Some((what, found, wanted)) => Err(StoreError::WrongSize { number, what, found, wanted }),
@@ -480,12 +507,16 @@ fn strain_values(strains: &[Option<TensorStrain>]) -> Vec<f32> {
 }
 
 /// Describes the arrays by frame, for `n_frames` of them; the chunks that are there stay. The status last: its length
-/// is that which all have. A new store gets those of strains over a window where it is `windowed`.
-fn create_frames(folder: &Arc<Folder>, n_frames: usize, mesh: &Mesh<Px>, windowed: bool) -> Result<(), StoreError> {
+/// is that which all have. A new store gets those that are `wanted`.
+fn create_frames(
+    folder: &Arc<Folder>,
+    n_frames: usize,
+    mesh: &Mesh<Px>,
+    wanted: impl Fn(Variable) -> bool,
+) -> Result<(), StoreError> {
     // A store of an earlier version stays one.
     let is_new = !folder.has("status");
-    let wanted = |v: &Variable| is_new && (windowed || !v.is_of_window());
-    for v in Variable::ALL.into_iter().filter(|v| wanted(v) || v.is_in(folder.path())) {
+    for v in Variable::ALL.into_iter().filter(|&v| if is_new { wanted(v) } else { v.is_in(folder.path()) }) {
         Form::variable(v, n_frames, mesh.n_nodes(), mesh.n_elements()).create(folder)?;
     }
     Form::noise(n_frames).create(folder)?;
