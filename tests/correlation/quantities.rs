@@ -9,7 +9,7 @@ use quadrille::field::{
     RemoveRigid, Segment, Status, StrainDefinition, StrainField, Value, at_point, remove_rigid,
 };
 use quadrille::io::load::{LoadTable, parse_load};
-use quadrille::io::quantities::QuantityTables;
+use quadrille::io::quantities::{QuantityPlane, QuantityTables};
 use quadrille::mesh::{Mesh, ZoneElements};
 use quadrille::remark::{About, Code, Remark};
 use quadrille::synth::{Motion, Peel, RenderOptions, Texture, render};
@@ -576,9 +576,10 @@ fn tables(
 ) -> (BTreeMap<String, String>, Vec<Remark>, Vec<quadrille::field::Curve>) {
     let folder = tempfile::tempdir().unwrap();
     let open = |name: &str| std::fs::File::create(folder.path().join(name));
-    let size = mm.then(|| (PixelSize::new(0.01).unwrap(), 0.0));
+    let pixel_size = mm.then(|| PixelSize::new(0.01).unwrap());
+    let plane = QuantityPlane { pixel_size, ..QuantityPlane::default() };
     let mut tables =
-        QuantityTables::new(quantities, load, None, size, false, 16.0, &["a test\nof two lines".into()], open).unwrap();
+        QuantityTables::new(quantities, load, plane, false, 16.0, &["a test\nof two lines".into()], open).unwrap();
     for (number, field) in (1..).zip(fields) {
         let status = field.map_or(Status::Diverged, |field| field.status);
         tables.frame(number, Some(status), *field).unwrap();

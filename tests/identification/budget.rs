@@ -210,6 +210,7 @@ fn with_moved(input: &JointInput, constant: &Constant, share: f64) -> JointInput
         }
         ConstantKind::Width => other.case.force.as_mut().unwrap().width_mm = Some(WIDTH + by),
         ConstantKind::NoiseLevel => panic!("it moves nothing"),
+        ConstantKind::Camera { term } => panic!("{term}: of runs alone"),
     }
     other
 }

@@ -46,6 +46,17 @@ pub struct QuantityTables<'a, W: Write> {
     missing: Vec<(String, usize)>,
 }
 
+/// The plane that quantities are drawn in.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct QuantityPlane<'a> {
+    /// What has brought the fields there; none of fields that are taken as they are.
+    pub camera: Option<&'a Rectifier>,
+    /// The scale, where it is known.
+    pub pixel_size: Option<PixelSize>,
+    /// Its relative standard uncertainty.
+    pub pixel_size_std: f64,
+}
+
 /// What is left when all frames are written.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct QuantitySummary {
@@ -174,19 +185,18 @@ impl<'a, W: Write> QuantityTables<'a, W> {
     /// the comment lines `header` and the definitions of its columns.
     ///
     /// With `regularised` fields the noise of neighbouring nodes is correlated in a way that is not known, and
-    /// standard uncertainties are upper bounds. Fields are those in the plane that `camera` has made; where it is not
-    /// exact, columns `camera_` say what its uncertainty does. `pixel_size` comes with its relative standard
-    /// uncertainty.
+    /// standard uncertainties are upper bounds. Fields are those in the `plane`; where its camera is not
+    /// exact, columns `camera_` say what that does.
     pub fn new(
         quantities: &'a Quantities,
         load: &'a LoadTable,
-        camera: Option<&'a Rectifier>,
-        pixel_size: Option<(PixelSize, f64)>,
+        plane: QuantityPlane<'a>,
         regularised: bool,
         element_size_px: f64,
         header: &[String],
         mut open: impl FnMut(&str) -> io::Result<W>,
     ) -> io::Result<Self> {
+        let QuantityPlane { camera, pixel_size, pixel_size_std } = plane;
         let q = quantities;
         let window = if q.window.is_some() { [&WINDOW_COLUMNS[..], &WINDOW_MODEL_COLUMNS].concat() } else { vec![] };
         let point = [&PX_COLUMNS[..], &MODEL, &STRAIN, &window].concat();
@@ -214,8 +224,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                 false => Vec::new(),
             };
             let of_plane = said_of_camera(camera, !of_camera.is_empty());
-            let scale = pixel_size.map(|(size, _)| size);
-            let said = definitions(q, QUANTITY_TABLES[k], regularised, element_size_px, scale);
+            let said = definitions(q, QUANTITY_TABLES[k], regularised, element_size_px, pixel_size);
             for line in header.iter().chain(&said).chain(&of_plane).flat_map(|text| text.split(['\n', '\r'])) {
                 writeln!(out, "# {line}")?;
             }
@@ -231,8 +240,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             let names = ["frame", "status"].into_iter().chain(load.columns.iter().map(|column| column.name.as_str()));
             let names = names.chain(keys).chain(columns.iter().copied());
             out.write_record(names.chain(cameras.iter().chain(&mm).map(String::as_str)))?;
-            let scale_std = pixel_size.map_or(0.0, |(_, std)| std);
-            tables[k] = Some(Table { out, columns, of_camera, mm: scale, scale_std });
+            tables[k] = Some(Table { out, columns, of_camera, mm: pixel_size, scale_std: pixel_size_std });
         }
         let of_points = PointValues::quantities(q.window).iter().map(|(quantity, _)| *quantity).collect::<Vec<_>>();
         let traced = (q.points.iter().map(|(name, _)| (name, of_points.clone())))

@@ -213,8 +213,7 @@ impl RunFolder {
         number: usize,
         about: &About,
         file: &str,
-        field: &Measurement<Px>,
-        plane: &Measurement<Px>,
+        [field, plane]: [&Measurement<Px>; 2],
         strain: &StrainField,
     ) -> Result<Vec<PathBuf>> {
         let header = &about.header;

@@ -7,7 +7,7 @@ use crate::field::{
 };
 use crate::io::case::CaseQuantities;
 use crate::io::load::{LoadTable, read_as_asked};
-use crate::io::quantities::{QUANTITY_TABLES, QuantitySummary, QuantityTables};
+use crate::io::quantities::{QUANTITY_TABLES, QuantityPlane, QuantitySummary, QuantityTables};
 use crate::io::store::Store;
 use crate::run::folder::record::Record;
 use crate::run::words::{Result, RunError};
@@ -120,8 +120,9 @@ pub(crate) struct Fields<'a> {
     pub header: &'a [String],
     /// How the camera sees the plane.
     pub camera: &'a Rectifier,
-    /// With its relative standard uncertainty.
-    pub pixel_size: Option<(PixelSize, f64)>,
+    pub pixel_size: Option<PixelSize>,
+    /// Its relative standard uncertainty.
+    pub pixel_size_std: f64,
     pub element_size_px: f64,
     /// Whether a regularisation or splines bind the nodes to each other: standard uncertainties are then upper bounds.
     pub regularised: bool,
@@ -148,9 +149,9 @@ pub(crate) fn write(
     let unfinished = |name: &str| folder.join(format!("{name}.csv.part"));
     let write = || -> Result<QuantitySummary> {
         let open = |name: &str| Ok(BufWriter::new(File::create(unfinished(name))?));
-        let Fields { header, camera, pixel_size, element_size_px, regularised } = fields;
-        let (camera, length) = (Some(camera), element_size_px);
-        let tables = QuantityTables::new(quantities, load, camera, pixel_size, regularised, length, header, open);
+        let Fields { header, camera, pixel_size, pixel_size_std, element_size_px, regularised } = fields;
+        let plane = QuantityPlane { camera: Some(camera), pixel_size, pixel_size_std };
+        let tables = QuantityTables::new(quantities, load, plane, regularised, element_size_px, header, open);
         let mut tables = tables.map_err(failed)?;
         for frame in frames {
             let (number, status, field) = frame?;
@@ -219,7 +220,8 @@ pub(crate) fn write_of_store(
     let fields = Fields {
         header: &lines,
         camera,
-        pixel_size: header.pixel_size.zip(Some(header.pixel_size_std())),
+        pixel_size: header.pixel_size,
+        pixel_size_std: header.pixel_size_std(),
         element_size_px: header.element_size_px,
         regularised: Record::of(header).is_regularised(),
     };

@@ -202,7 +202,9 @@ impl<U: Length> Measurement<U> {
         };
         let mut changed = self.clone();
         add(&mut changed.displacement);
-        changed.points.as_mut().map(|points| add(&mut points.displacement));
+        if let Some(points) = &mut changed.points {
+            add(&mut points.displacement);
+        }
         changed
     }
 

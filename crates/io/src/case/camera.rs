@@ -139,17 +139,17 @@ impl CaseCamera {
     /// The section of a camera.
     pub fn of(camera: &Camera) -> Self {
         let CameraShape { image_size_px, focal_px, theta, covariance, distance_std } = camera.shape();
-        let pair = |k: usize| Some([theta[k], theta[k + 1]]);
-        let is_there = |k: usize| theta[k] != 0.0 || theta[k + 1] != 0.0;
+        let &[k1, k2, p1, p2, k3, centre_x, centre_y, tilt_x, tilt_y, stretch, shear] = theta;
+        let unless_zero = |pair: [f64; 2]| Some(pair).filter(|pair| *pair != [0.0; 2]);
         let names = || covariance.of.iter().filter_map(|&k| Some((*PARAMETERS.get(k)?).to_owned())).collect();
         let is_uncertain = !covariance.of.is_empty();
         Self {
             image_size_px: Some(*image_size_px),
             focal_px: Some(*focal_px),
-            centre_px: pair(5),
-            distortion: Some(theta[..5].to_vec()),
-            tilt_per_px: pair(7).filter(|_| is_there(7)),
-            stretch: pair(9).filter(|_| is_there(9)),
+            centre_px: Some([centre_x, centre_y]),
+            distortion: Some(vec![k1, k2, p1, p2, k3]),
+            tilt_per_px: unless_zero([tilt_x, tilt_y]),
+            stretch: unless_zero([stretch, shear]),
             covariance_of: is_uncertain.then(names),
             covariance: is_uncertain.then(|| covariance.matrix.clone()),
             distance_std: Some(*distance_std).filter(|std| *std != 0.0),

@@ -57,7 +57,9 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
                         camera.push(RunCamera { name: name.to_owned(), is_stated, instants: Vec::new() });
                     }
                     let in_mm = |u: [f64; 2]| scale.to_mm(Vector::new(u)).components();
-                    camera.get_mut(k).map(|of| of.instants.push(change.into_iter().map(in_mm).collect()));
+                    if let Some(of) = camera.get_mut(k) {
+                        of.instants.push(change.into_iter().map(in_mm).collect());
+                    }
                 }
                 let field = field.to_mm(&on_specimen, scale);
                 let at = |(&u, &measured): (&[f64; 2], &bool)| measured.then_some(u);
