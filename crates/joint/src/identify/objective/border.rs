@@ -11,7 +11,7 @@ use std::collections::HashMap;
 
 /// Degrees along and across the joint that a smooth border may have, rising.
 const DEGREES: [[usize; 2]; 5] = [[4, 2], [6, 3], [8, 3], [10, 4], [12, 5]];
-/// What each of the coefficients that a free border has more must take off `chi^2` (Akaike), or smoothing predicts better.
+/// What each coefficient that a free border has more must take off `chi^2` (Akaike), or smoothing predicts better.
 const PRICE: f64 = 2.0;
 /// Share of a column of the basis that has to be new, beside those before it.
 const NEW: f64 = 1e-3;
@@ -94,8 +94,8 @@ impl Border {
         Self { boundary: joint.boundary.clone(), smooth: None }
     }
 
-    /// The border of `joint` that the data ask for: `observation` under `noise`, whose sigma is known. Beside it what is
-    /// to be said where what is left is no noise. `forced`: smooth whatever is left.
+    /// The border of `joint` that the data ask for (free where sigma is not known), and what is to be said where what
+    /// smoothing leaves is no noise. `forced`: smooth whatever is left.
     pub fn by_evidence(
         joint: &Joint,
         observation: &Observation,
@@ -107,7 +107,10 @@ impl Border {
         // The lowest degrees from which no higher ones take more than chance.
         let enough =
             |k: usize| fits[k + 1..].iter().all(|higher| fits[k].beyond(higher) < normal_tail(FALSE_REJECTIONS));
-        let best = (0..fits.len()).find(|&k| enough(k)).and_then(|k| fits.into_iter().nth(k));
+        // One step more: what chance hides there may move parameters by most of their standard uncertainty, while its
+        // coefficients cost next to nothing.
+        let place = (0..fits.len()).find(|&k| enough(k)).map(|k| (k + 1).min(fits.len() - 1));
+        let best = place.and_then(|place| fits.into_iter().nth(place));
         let Some(best) = best.filter(|best| forced || best.chi2 < PRICE * best.freedom) else {
             return (Self::free(joint), None);
         };
@@ -169,8 +172,8 @@ impl Border {
         let Some(smooth) = &self.smooth else { return String::new() };
         let ([along, across], ratio) = (smooth.degrees, smooth.ratio());
         format!(
-            " (smooth, degrees {along} along and {across} across: {} coefficients for {} components, which leaves {ratio:.2} \
-             times the noise)",
+            " (smooth, degrees {along} along and {across} across: {} coefficients for {} components, which leaves \
+             {ratio:.2} times the noise)",
             smooth.n_coefficients(),
             smooth.n_components()
         )
