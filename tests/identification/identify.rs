@@ -575,12 +575,15 @@ fn four_hundred_draws_for_the_table_in_the_documentation() {
 #[test]
 fn covariance_weights_have_smaller_uncertainties_that_hold_and_an_estimated_boundary_changes_little() {
     let measurement = "nodes = \"free\"\nweights = \"covariance\"\nnoise_mm = 9.65625e-5";
-    let Some(input) = near(measurement, "") else { return };
-    let begin = std::time::Instant::now();
-    let clean = fitted(&input);
-    println!("{} evaluations, {:.1} s", clean.evaluations, begin.elapsed().as_secs_f64());
-    for (p, truth) in clean.parameters.iter().zip(TRUTH) {
+    let Some(free) = near(&format!("{measurement}\nborder = \"free\""), "") else { return };
+    for (p, truth) in fitted(&free).parameters.iter().zip(TRUTH) {
         assert!((p.value / truth - 1.0).abs() < 1e-9, "{p:?}");
+    }
+    // What smoothing cuts off the border of data without noise is nothing beside the noise that was stated.
+    let Some(input) = near(measurement, "") else { return };
+    for (p, truth) in fitted(&input).parameters.iter().zip(TRUTH) {
+        let off = (p.value - truth).abs() / p.std.unwrap();
+        assert!((1e-6..0.3).contains(&off), "{off}: {p:?}");
     }
     let full = draws(&input, 0.05, 4, true);
     let estimated = format!("{measurement}\nboundary = \"estimated\"");

@@ -188,6 +188,13 @@ fn wrong_input_gives_one_clear_line_and_status_2() {
     refused(&case("\"free\"", "\"free\"\nweights = \"best\""), measured, &["best", "covariance"]);
     refused(&case("\"free\"", "\"free\"\nboundary = \"free\""), measured, &["boundary", "estimated"]);
     refused(&case("\"free\"", "\"free\"\nboundary = \"estimated\""), measured, &["covariance"]);
+    for (keys, words) in [
+        ("border = \"round\"", ["border", "auto"]),
+        ("border = \"smooth\"", ["[measurement] border", "noise_mm"]),
+        ("border = \"smooth\"\nnoise_mm = 1e-5\nboundary = \"exact\"", ["[measurement] border", "estimated"]),
+    ] {
+        refused(&case("\"free\"", &format!("\"free\"\n{keys}")), measured, &words);
+    }
     refused(&case("\"free\"", "\"free\"\nnoise_mm = -1"), measured, &["noise_mm", "above zero"]);
     refused(&case("\"free\"", "\"free\"\ninstant_weights = [0, 0, 0, 0]"), measured, &["all weights are zero"]);
     refused(&case("\"free\"", "\"free\"\ninstant_weights = [-1]"), measured, &["instant_weights"]);

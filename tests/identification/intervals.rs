@@ -3,8 +3,8 @@
 use crate::mechanics_common;
 use mechanics_common::{adhesive, aluminium, virtual_r4};
 use quadrille::identify::{
-    Fit, FitOptions, FitStatus, FitWatch, IntervalKind, Intervals, NORMAL_95, Noise, Observation, ObservedInstant,
-    Precision, Problem, Unknowns, WeightKind, bands, fit, largest_without_rigid_motion,
+    Border, Fit, FitOptions, FitStatus, FitWatch, IntervalKind, Intervals, NORMAL_95, Noise, Observation,
+    ObservedInstant, Precision, Problem, Unknowns, WeightKind, bands, fit, largest_without_rigid_motion,
 };
 use quadrille::linalg::Dense;
 use quadrille::mechanics::cohesive::Traction;
@@ -14,15 +14,15 @@ use quadrille::mechanics::{
 use rayon::prelude::*;
 use std::sync::Arc;
 
-const TRUTH: [f64; 3] = [1.0, 0.005, 0.05];
+pub(crate) const TRUTH: [f64; 3] = [1.0, 0.005, 0.05];
 /// 1 px of the reference test, mm.
-const PX: f64 = 0.00193125;
+pub(crate) const PX: f64 = 0.00193125;
 
 /// A joint whose true displacements are known.
-struct Known {
-    mesh: JointMesh,
+pub(crate) struct Known {
+    pub(crate) mesh: JointMesh,
     boundary: BoundaryHistory,
-    truth: Solution,
+    pub(crate) truth: Solution,
     /// The nodes compared; all when there is no list.
     selected: Option<Vec<u32>>,
 }
@@ -46,8 +46,12 @@ impl Known {
 
     /// The fields with noise of `sigma` mm in each frame, half of its variance from the common reference.
     fn noisy(&self, sigma: f64, seed: u64) -> Vec<Vec<[f64; 2]>> {
-        let n = self.mesh.nodes().len();
-        let noise = white(2 * n, sigma).draw(self.truth.instants.len(), seed);
+        self.with_noise(&white(2 * self.mesh.nodes().len(), sigma), seed)
+    }
+
+    /// The fields with a draw of `noise` at all nodes.
+    pub(crate) fn with_noise(&self, noise: &Noise, seed: u64) -> Vec<Vec<[f64; 2]>> {
+        let noise = noise.draw(self.truth.instants.len(), seed);
         let add = |(u, e): (&[f64; 2], &[f64])| [u[0] + e[0], u[1] + e[1]];
         let of = |(instant, e): (&quadrille::mechanics::Instant, &Vec<f64>)| {
             instant.displacement.iter().zip(e.chunks_exact(2)).map(add).collect()
@@ -56,7 +60,7 @@ impl Known {
     }
 
     /// The joint whose border moves as `fields` say.
-    fn joint(&self, fields: &[Vec<[f64; 2]>]) -> Joint {
+    pub(crate) fn joint(&self, fields: &[Vec<[f64; 2]>]) -> Joint {
         let nodes = self.boundary.nodes().to_vec();
         let of = |field: &Vec<[f64; 2]>| nodes.iter().map(|&node| field[node as usize]).collect();
         let boundary = BoundaryHistory::new(nodes.clone(), fields.iter().map(of).collect()).unwrap();
@@ -70,7 +74,7 @@ impl Known {
     }
 
     /// What is to be fitted to `fields`, the border being prescribed as they say.
-    fn problem<'a>(&self, joint: &'a Joint, fields: &[Vec<[f64; 2]>], sigma: f64) -> Problem<'a> {
+    pub(crate) fn problem<'a>(&self, joint: &'a Joint, fields: &[Vec<[f64; 2]>], sigma: f64) -> Problem<'a> {
         let border = self.boundary.nodes();
         let n = self.mesh.nodes().len();
         let mut compared = vec![self.selected.is_none(); n];
@@ -100,7 +104,8 @@ impl Known {
             force: None,
             camera: Vec::new(),
         });
-        Problem { joint, observation, noise: Arc::new(noise), unknowns, watch: FitWatch::default() }
+        let border = Arc::new(Border::free(joint));
+        Problem { joint, observation, border, noise: Arc::new(noise), unknowns, watch: FitWatch::default() }
     }
 }
 
@@ -176,7 +181,7 @@ fn one(known: &Known, sigma_px: f64, options: &FitOptions, seed: u64, then: &mut
     then(&problem, &found);
 }
 
-fn covariance() -> FitOptions {
+pub(crate) fn covariance() -> FitOptions {
     FitOptions {
         weights: WeightKind::Covariance,
         discretisation: quadrille::identify::Discretisation::Off,
@@ -211,7 +216,7 @@ fn bands_by_third_and_in_compression_over_many_draws() {
 }
 
 /// A small joint that opens and slides, `scale` times as far as to break it.
-fn small(scale: f64) -> Known {
+pub(crate) fn small(scale: f64) -> Known {
     let mesh = JointMesh::rectangular(8, 3, 0.0309, 0.06).unwrap();
     let nodes = mesh.outer_nodes();
     let at = |k: u32, node: u32| {

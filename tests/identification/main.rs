@@ -25,6 +25,7 @@ mod mechanics_rotation;
 mod mechanics_supports;
 mod mechanics_tests;
 mod several_tests;
+mod smooth_border;
 mod substrates;
 mod sweep_limit;
 mod tournament;

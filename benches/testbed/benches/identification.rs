@@ -73,6 +73,7 @@ fn all_nodes<'a>(problem: Problem<'a>, experiment: &'a Experiment, mm: f64) -> P
     Problem {
         joint: experiment.joint(),
         observation: Arc::new(observation),
+        border: problem.border,
         noise: Arc::new(noise),
         unknowns: problem.unknowns,
         watch: problem.watch,

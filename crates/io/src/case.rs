@@ -31,7 +31,7 @@ pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages, Pol
 pub use force::{CaseAxis, CaseDirection, CaseForce};
 pub use guard::CaseGuard;
 pub use joint::{
-    BoundaryNoise, CaseBootstrap, CaseBoundary, CaseFit, CaseInterface, CaseJointMesh, CaseJointOutput,
+    BorderKind, BoundaryNoise, CaseBootstrap, CaseBoundary, CaseFit, CaseInterface, CaseJointMesh, CaseJointOutput,
     CaseMeasurement, CaseNodeGroup, CaseNodes, CaseRigidMotion, CaseTest, Discretisation, Intervals, WeightKind,
 };
 pub use law::{CaseCohesive, CaseExact, CaseMaterial, CaseSubstrate, EXACT, Kinematics, PlaneState, Quadrature, STD};

@@ -3,7 +3,7 @@
 use super::{FitReport, remarks};
 use crate::identify::{
     BudgetLine, Case, CutShort, Discretisation, Fit, FitStatus, FittedParameter, FittedQuantity, Iteration, Misfit,
-    MisfitGroup, Outcome, Profile, Released, ReleasedParameter, StartEnd, SweepRow, Verdict,
+    MisfitGroup, Outcome, Profile, Released, ReleasedParameter, Smooth, StartEnd, SweepRow, Verdict,
 };
 use crate::mechanics::Status;
 use crate::remark::Remark;
@@ -121,8 +121,35 @@ pub struct MeasurementRecord {
     pub weights: Name,
     /// `measured`, `estimated`, `exact`.
     pub boundary: Name,
+    /// How the border is smoothed; missing where it is not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub border: Option<BorderRecord>,
     /// Where the noise comes from.
     pub noise: String,
+}
+
+/// A smooth border.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct BorderRecord {
+    /// Of the polynomials along and across the joint.
+    pub degrees: [usize; 2],
+    /// Coefficients of an instant.
+    pub coefficients: usize,
+    /// Components of the border at an instant.
+    pub components: usize,
+    /// Root mean square of what smoothing leaves, by that of the noise.
+    pub times_noise: f64,
+}
+
+impl BorderRecord {
+    fn of(smooth: &Smooth) -> Self {
+        Self {
+            degrees: smooth.degrees,
+            coefficients: smooth.n_coefficients(),
+            components: smooth.n_components(),
+            times_noise: smooth.ratio(),
+        }
+    }
 }
 
 /// One of several tests.
@@ -638,9 +665,10 @@ impl FitReport<'_> {
                 about: about.clone(),
                 nodes: problem.observation.compared.iter().filter(|c| **c).count(),
                 instants: problem.observation.instants.iter().map(|i| i.index + 1).collect(),
-                data: problem.observation.n_data(),
+                data: problem.n_data(),
                 weights: options.weights.name().into(),
                 boundary: boundary.to_string().into(),
+                border: problem.border.smooth.as_ref().map(BorderRecord::of),
                 noise: problem.noise.source.clone(),
             },
             parameters: parameters(fit),

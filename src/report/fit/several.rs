@@ -51,7 +51,7 @@ pub fn several_json(
     record.measurement.boundary = mixed(|test| &test.measurement.boundary);
     record.omega = fit.omega;
     record.omega_expected = fit.tests.iter().map(|t| t.fit.statistics.as_ref().map(|s| s.expected_omega)).sum();
-    (record.noise_mm, record.force) = (None, None);
+    (record.noise_mm, record.force, record.measurement.border) = (None, None, None);
     record.noise_estimated = tests.iter().any(|test| test.noise_estimated);
     record.misfit = fit.misfit.as_ref().map(MisfitRecord::of);
     record.consistency = fit.consistency.as_ref().map(ConsistencyRecord::of);

@@ -19,8 +19,8 @@ pub use tables::{
 
 use quadrille::identify::largest_without_rigid_motion;
 use quadrille::identify::{
-    Discretisation, FitOptions, FitWatch, Intervals, Noise, Observation, ObservedInstant, Precision, Problem, Unknowns,
-    WeightKind,
+    Border, Discretisation, FitOptions, FitWatch, Intervals, Noise, Observation, ObservedInstant, Precision, Problem,
+    Unknowns, WeightKind,
 };
 use quadrille::mechanics::cohesive::ExtendedXuNeedleman;
 use quadrille::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
@@ -169,7 +169,8 @@ impl Experiment {
         let unknown = |k: usize| (k, START[k] * law[k], Some(law[k] / BOUND), Some(law[k] * BOUND));
         let unknowns = Unknowns::new(&*self.joint.law, &[unknown(0), unknown(1), unknown(2)])?;
         let (observation, noise) = (Arc::new(observation), Arc::new(noise));
-        Ok(Problem { joint: &self.joint, observation, noise, unknowns, watch: FitWatch::default() })
+        let border = Arc::new(Border::free(&self.joint));
+        Ok(Problem { joint: &self.joint, observation, border, noise, unknowns, watch: FitWatch::default() })
     }
 
     /// How it is fitted: the paper's weights, the step tolerance of every other fit.

@@ -367,6 +367,10 @@ codes! {
             "Weights are made from some of the nodes only."
             "The paper's weights need the largest displacement. That of nodes without a measurement is not known."
             "Measure more nodes, or give weights = \"uniform\".";
+        BorderNotSmooth "border-not-smooth" Warning
+            "Smooth fields do not describe the border."
+            "What smoothing leaves of the measured border is more than its noise: steps, or a noise that is larger than stated."
+            "Look for steps and badly measured nodes along the border; or give border = \"free\".";
         WeightsShifted "weights-shifted" Warning
             "The weights of instants count converged frames only."
             "After a frame that did not converge, the weights belong to later frames than their places say."

@@ -148,6 +148,9 @@ pub struct CaseMeasurement {
     /// What is known of the prescribed displacements.
     #[schemars(extend("default" = "measured"))]
     pub boundary: Option<BoundaryNoise>,
+    /// Whether a noisy border is smoothed before it is prescribed.
+    #[schemars(extend("default" = "auto"))]
+    pub border: Option<BorderKind>,
     /// Standard deviation of a nodal displacement of one frame, mm. Default: that of the store; for a table, from the
     /// residual.
     pub noise_mm: Option<f64>,
@@ -270,6 +273,19 @@ impl fmt::Display for BoundaryNoise {
             Self::Exact => "exact",
         })
     }
+}
+
+/// Whether a noisy border is smoothed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum BorderKind {
+    /// Smooth where the data ask for it and what is left is noise.
+    #[default]
+    Auto,
+    /// Smooth, whatever is left; needs a known noise.
+    Smooth,
+    /// Every node as it was measured.
+    Free,
 }
 
 /// One of several tests that are fitted together.

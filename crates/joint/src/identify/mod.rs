@@ -27,12 +27,13 @@ pub use combined::{
 };
 pub use doubt::discretisation::Refinement;
 pub use doubt::left_out::LeftOut;
-pub use doubt::misfit::{Misfit, MisfitGroup, NOISE_LEVEL_STD};
+pub use doubt::misfit::{Misfit, MisfitGroup};
 pub use doubt::missing_mode::{MissingMode, Mode, opening_share};
 pub use doubt::plausibility::{implausible_joint, implausible_result};
 pub use doubt::released::{Released, ReleasedParameter};
 pub use doubt::released_width::ReleasedWidth;
 pub use doubt::rotations::{ROTATIONS_HELD, ROTATIONS_TOLD, Rotations, describe_change};
+pub use doubt::significance::NOISE_LEVEL_STD;
 pub use doubt::verdict::{
     Grounds, LARGEST_CORRELATION, LARGEST_FAILED, LARGEST_NOISE_RATIO, LARGEST_STD, Outcome, Verdict,
 };
@@ -46,6 +47,7 @@ pub use intervals::statistics::{NORMAL_95, Statistics};
 pub use laws::averages::{Part, Spread, average, average_curve, share_of_interval, within_noise};
 pub use laws::sweep::{SweepRow, sweep};
 pub use laws::tournament::{Average, LawFit, Score, Tournament, laws_of, tournament};
+pub use objective::border::{Border, Smooth};
 pub use objective::load_cell::{LoadCell, LoadComparison};
 pub use objective::noise::{Noise, Precision};
 pub use objective::observation::{CameraChange, Observation, ObservedInstant, largest_without_rigid_motion};
@@ -63,14 +65,14 @@ pub use solve::watch::{Ended, FitProgress, FitWatch};
 
 use cases::error::wrong;
 use doubt::discretisation::Refined;
-use doubt::misfit::{FALSE_REJECTIONS, as_normal, normal_tail};
 use doubt::plausibility::unless_meant;
+use doubt::significance::{FALSE_REJECTIONS, as_normal, normal_tail};
 use intervals::axes::Axes;
 use intervals::bootstrap::Base;
 use intervals::budget::Ingredients;
 use intervals::intervals_::settle;
 use intervals::profile_ends::ProfileEnds;
-use objective::estimated_boundary::prescribed_of;
+use objective::border::prescribed_of;
 use objective::noise::even_texture;
 use objective::weights::scale;
 use result::fitted::{Fitted, assess};

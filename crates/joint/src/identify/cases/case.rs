@@ -7,13 +7,13 @@ use crate::identify::doubt::remarks;
 use crate::identify::laws::tournament::check_laws;
 use crate::identify::objective::observation::remove_motion;
 use crate::identify::{
-    CameraChange, FitError, FitOptions, FitWatch, LoadCell, Noise, Observation, ObservedInstant, Precision, Problem,
-    TrustRegionOptions, Unknown, Unknowns, even_texture, implausible_joint, largest_without_rigid_motion,
+    Border, CameraChange, FitError, FitOptions, FitWatch, LoadCell, Noise, Observation, ObservedInstant, Precision,
+    Problem, TrustRegionOptions, Unknown, Unknowns, even_texture, implausible_joint, largest_without_rigid_motion,
     latin_hypercube, prescribed_of, unless_meant, wrong,
 };
 use crate::io::case::{
-    BoundaryNoise, CaseBootstrap, CaseFit, CaseMeasurement, CaseNodes, CasePathControl, Discretisation, Intervals,
-    WeightKind,
+    BorderKind, BoundaryNoise, CaseBootstrap, CaseFit, CaseMeasurement, CaseNodes, CasePathControl, Discretisation,
+    Intervals, WeightKind,
 };
 use crate::io::joint::{
     BoundaryInput, JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunCamera,
@@ -182,9 +182,10 @@ impl<'a> Case<'a> {
         if !table.laws.is_empty() {
             check_laws(&table.laws, unknowns.law(), n_data)?;
         }
-        let about = describe(&observation, &noise, weights, boundary);
-        let (observation, noise, watch) = (Arc::new(observation), Arc::new(noise), FitWatch::default());
-        let problem = Problem { joint, observation, noise, unknowns, watch };
+        let border = border(joint, measurement, &observation, &noise, &mut found)?;
+        let about = describe(&observation, &noise, weights, &format!("{boundary} boundary{}", border.in_words()));
+        let (observation, border, noise) = (Arc::new(observation), Arc::new(border), Arc::new(noise));
+        let problem = Problem { joint, observation, border, noise, unknowns, watch: FitWatch::default() };
         let implausible = implausible_joint(&problem, problem.observation.pixel_size_mm);
         found.extend(unless_meant(implausible, &table.meant)?);
         let max_seconds = table.max_seconds.map(|seconds| positive("fit", "max_seconds", seconds)).transpose()?;
@@ -241,6 +242,30 @@ fn check_boundary(input: &JointInput, boundary: BoundaryNoise, weights: WeightKi
     refuse_if(uncovered, "measurement", "boundary", "boundary = \"estimated\" needs weights = \"covariance\"")
 }
 
+/// The border that the case asks for.
+fn border(
+    joint: &Joint,
+    measurement: &CaseMeasurement,
+    observation: &Observation,
+    noise: &Noise,
+    found: &mut Vec<Remark>,
+) -> Result<Border, FitError> {
+    let asked = measurement.border.unwrap_or_default();
+    if asked == BorderKind::Free {
+        return Ok(Border::free(joint));
+    }
+    let forced = asked == BorderKind::Smooth;
+    let refuse = |is_wrong: bool, why: &str| {
+        refuse_if(forced && is_wrong, "measurement", "border", format!("border = \"smooth\" {why}"))
+    };
+    refuse(observation.prescribed.is_empty(), "needs a noisy border; give boundary = \"measured\" or \"estimated\"")?;
+    refuse(noise.sigma.is_none(), "needs a known noise, with which the degrees are chosen; give noise_mm")?;
+    let (border, remark) = Border::by_evidence(joint, observation, noise, forced);
+    refuse(border.smooth.is_none(), "leaves nothing of so few nodes at the border; give border = \"free\"")?;
+    found.extend(remark);
+    Ok(border)
+}
+
 fn discretisation(table: &CaseFit, of_run: bool) -> Discretisation {
     let usual = if of_run { Discretisation::Included } else { Discretisation::Stated };
     table.discretisation.unwrap_or(usual)
@@ -285,7 +310,7 @@ fn sweep_of(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<(usize, Vec<f
 }
 
 /// What is compared, for people.
-fn describe(observation: &Observation, noise: &Noise, weights: WeightKind, boundary: BoundaryNoise) -> String {
+fn describe(observation: &Observation, noise: &Noise, weights: WeightKind, boundary: &str) -> String {
     let n_compared = observation.compared.iter().filter(|c| **c).count();
     let compared = match (n_compared, &observation.force) {
         (0, _) => String::new(),
@@ -294,7 +319,7 @@ fn describe(observation: &Observation, noise: &Noise, weights: WeightKind, bound
     };
     let force = observation.force.as_ref().map_or(String::new(), |cell| format!("the load of {}", cell.group.name));
     format!(
-        "{compared}{force} at {} instants, {} weights, {boundary} boundary; noise: {}",
+        "{compared}{force} at {} instants, {} weights, {boundary}; noise: {}",
         observation.instants.len(),
         weights.name(),
         noise.source

@@ -78,7 +78,7 @@ pub fn fit_combined(case: &CombinedCase<'_>) -> Result<CombinedFit, FitError> {
     let refined: Vec<Option<Refined>> = (tests.iter().zip(&known.evaluations))
         .map(|(test, evaluation)| match test.options.discretisation {
             Discretisation::Off => None,
-            _ => test.problem.refine(evaluation, &test.problem.joint.boundary),
+            _ => test.problem.refine(evaluation, &test.problem.border.boundary),
         })
         .collect();
     if first.watch.ended().is_some() && refined.iter().any(Option::is_none) {
@@ -195,7 +195,7 @@ impl AtEnd<'_> {
         let slopes = tests[0].problem.unknowns.slopes(&evaluations[0].x);
         let mut sum = Some(vec![0.0; slopes.len()]);
         for (k, test) in tests.iter().enumerate().filter(|(_, test)| is_asked(test)) {
-            let moved = test.problem.turn(&evaluations[k], &test.problem.joint.boundary);
+            let moved = test.problem.turn(&evaluations[k], &test.problem.border.boundary);
             sum = sum.zip(moved).map(|(mut sum, moved)| {
                 sum.iter_mut().zip(led.statistics[k].shift(&moved)).for_each(|(sum, z)| *sum += z);
                 sum
@@ -246,7 +246,7 @@ impl AtEnd<'_> {
                 refinement: made.refinement(refined[k].as_ref()),
                 rotations: rotations.clone(),
                 evaluation,
-                boundary: tests[k].problem.joint.boundary.clone(),
+                boundary: tests[k].problem.border.boundary.clone(),
                 largest_correction: None,
                 cut_short: cut_short.clone(),
                 axes: None,

@@ -79,7 +79,7 @@ fn of_test(
     let times = |factor: f64, m: &Dense| Dense::from_fn(m.n_rows(), m.n_columns(), |r, c| factor * m[(r, c)]);
     v.iter_mut().for_each(|v| *v = times(f, v));
     let trace = |m: &Dense| (0..n).map(|r| (0..n).map(|c| a[(r, c)] * m[(c, r)]).sum::<f64>()).sum::<f64>();
-    let n_data = test.problem.observation.n_data() as f64;
+    let n_data = test.problem.n_data() as f64;
     let (sigma2, spread, expected) = match of_diagonal {
         None => {
             let left = (n_data - trace(&local.h)).max(1.0);

@@ -88,7 +88,7 @@ impl Made {
                 evaluation: &known.evaluations[0],
                 statistics,
                 weights: &weights[0].weights,
-                boundary: &first.joint.boundary,
+                boundary: &first.border.boundary,
                 follows_data: true,
             };
             let mut basis = settle(&base, Intervals::Linear, Some(0), &budget, &mut parameters, &mut derived);
@@ -115,7 +115,7 @@ fn with_noise_level(tests: &[Searched<'_>], known: &Known, constant: &Constant) 
     let mut largest = Constant { std: 0.0, source: Source::Exact, ..constant.clone() };
     for (test, statistics) in tests.iter().zip(&led.statistics) {
         for one in test.options.constants.iter().filter(|one| one.name == NOISE_LEVEL) {
-            let n = test.problem.observation.n_data().max(1) as f64;
+            let n = test.problem.n_data().max(1) as f64;
             let (std, source) = match statistics.sigma_estimated && one.source == Source::Default {
                 true => ((0.5 / n).sqrt(), Source::Computed),
                 false => (one.std, one.source),

@@ -119,7 +119,7 @@ pub(super) fn misfits(tests: &[Judged<'_>]) -> Result<(Vec<Misfit>, Misfit, Opti
         let taken: f64 = (0..n).map(|j| ah[(j, j)]).sum();
         let unexplained = Unexplained {
             omega: at_end.max(0.0),
-            freedom: (tests[k].problem.observation.n_data() as f64 - taken).max(1.0),
+            freedom: (tests[k].problem.n_data() as f64 - taken).max(1.0),
             floor: tests[k].refined.map(|_| (finer[k].square, finer[k].rows.clone())),
             constants: constants.iter().map(|of| (of[k].square, of[k].rows.clone())).collect(),
         };

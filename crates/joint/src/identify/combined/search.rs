@@ -61,7 +61,7 @@ impl Searched<'_> {
 /// The tests at one set of parameters; `None` where one of them has no solution. `again`: also when the fit has to end.
 pub(super) fn evaluate_tests(tests: &[Searched<'_>], x: &[f64], again: bool) -> Option<Vec<Evaluation>> {
     let one = |test: &Searched<'_>| {
-        let (problem, boundary) = (test.problem, &test.problem.joint.boundary);
+        let (problem, boundary) = (test.problem, &test.problem.border.boundary);
         let found = if again { problem.evaluate_again(x, boundary) } else { problem.evaluate(x, boundary) };
         found.ok().flatten()
     };

@@ -58,7 +58,7 @@ pub(super) fn shares(tests: &[Searched<'_>], known: &Known) -> Vec<TestShare> {
         let fields = || evaluation.solution.instants.iter().map(|instant| &instant.displacement);
         TestShare {
             name: tests[k].name.to_owned(),
-            n_data: tests[k].problem.observation.n_data(),
+            n_data: tests[k].problem.n_data(),
             omega: known.locals[k].omega,
             adds_nothing: tests.len() > 1 && std_without.iter().zip(&all).all(same),
             std_alone,

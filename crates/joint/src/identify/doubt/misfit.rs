@@ -1,17 +1,15 @@
 //! Whether the data contradict the model: the objective against its expectation, as a whole and by instant and region
 //! (THEORY 11).
 
-use crate::identify::{ConstantEffect, Evaluation, FitError, Problem, Statistics, Weights, full_weights};
+use crate::identify::{
+    ConstantEffect, Evaluation, FALSE_REJECTIONS, FitError, NOISE_LEVEL_STD, Problem, Statistics, Weights, as_normal,
+    full_weights, normal_tail,
+};
 use crate::linalg::Dense;
 use crate::mechanics::JointMesh;
 use rayon::prelude::*;
-use statrs::distribution::{ContinuousCDF, Normal};
+use std::ops::Deref;
 
-/// How far off the noise's own level may be, as a standard uncertainty relative to it: residuals of images tell it to
-/// about that (rounding, interpolation, texture), whatever the number of pixels.
-pub const NOISE_LEVEL_STD: f64 = 0.02;
-/// The share of right models that a test may reject.
-pub(crate) const FALSE_REJECTIONS: f64 = 0.01;
 /// A group whose residual is above its expectation by less than this is not worth a rejection, however well it is
 /// known.
 const LEAST_RATIO: f64 = 1.1;
@@ -139,18 +137,6 @@ pub(crate) struct Unexplained {
     pub constants: Vec<(f64, Vec<Dense>)>,
 }
 
-/// The value that a standard normal variable exceeds with probability `tail`.
-pub(crate) fn normal_tail(tail: f64) -> f64 {
-    Normal::standard().inverse_cdf(1.0 - tail)
-}
-
-/// The normal deviate of a sum of squares that is `ratio` times its expectation, as of a chi-square of `freedom`
-/// degrees (Wilson and Hilferty 1931): a sum over few numbers is far from normal.
-pub(crate) fn as_normal(ratio: f64, freedom: f64) -> f64 {
-    let spread = 2.0 / (9.0 * freedom);
-    (ratio.cbrt() - (1.0 - spread)) / spread.sqrt()
-}
-
 impl Problem<'_> {
     /// The misfit of a fit that ended at `evaluation` under `weights`; `refined` is the change of the measured rows
     /// that a mesh cut in four would make ([`Problem::refine`]). Errors: a tangent or a covariance without inverse.
@@ -162,7 +148,7 @@ impl Problem<'_> {
         refined: Option<&[Dense]>,
         effects: &[ConstantEffect],
     ) -> Result<Misfit, FitError> {
-        let (noise, observation) = (&self.noise, &self.observation);
+        let noise = &self.noise;
         let own;
         let whitening = match weights {
             Weights::Inverse(_) => weights,
@@ -179,7 +165,7 @@ impl Problem<'_> {
         let b = Dense::from_fn(local.b.len(), 1, |k, _| local.b[k]);
         let gain = b.transposed_times(&factor.solve(&b))[(0, 0)];
         let omega = unit * (local.omega - gain).max(0.0);
-        let freedom = (observation.n_data() as f64 - self.unknowns.n() as f64).max(1.0);
+        let freedom = (self.n_data() as f64 - self.unknowns.n() as f64).max(1.0);
         let jacobian = evaluation.jacobian();
         let inverse = factor.inverse();
         let left = refined.map(|change| self.not_absorbed(whitening, &jacobian, &inverse, change));
@@ -274,7 +260,7 @@ impl Groups {
         // Columns of C at the border, and its block there.
         let to_border = Dense::from_fn(n, border.len(), |r, c| covariance[(r, border[c])]);
         let of_border = Dense::from_fn(border.len(), border.len(), |r, c| covariance[(border[r], border[c])]);
-        // C_ff - C_fD S^T - S C_Df + S C_DD S^T (THEORY 7); T holds S, and the identity on the border.
+        // C_ff - C_fD S^T - S C_Df + S C_DD S^T (THEORY 7); T holds S, and on the border what smoothing makes of it.
         let variance = |t: &Dense| -> Vec<f64> {
             let through = t.times(&of_border);
             let expected = |r: usize| {
@@ -294,8 +280,8 @@ impl Groups {
                 Dense::from_fn(n, n, |r, c| covariance[(r, c)] + 0.5 * (part[(r, c)] + part[(c, r)]))
             }
         };
-        let middle = statistics.by_boundary.get(statistics.by_boundary.len() / 2);
-        let shared = full(middle);
+        let by_measured: Vec<_> = statistics.by_boundary.par_iter().map(|t| problem.border.by_measured(t)).collect();
+        let shared = full(by_measured.get(by_measured.len() / 2).map(Deref::deref));
         let force = observation.force.as_ref().zip(observation.force_row());
         let force = force.map(|(cell, row)| {
             (row, observation.instants.iter().map(|instant| cell.at(instant.index).is_some()).collect::<Vec<bool>>())
@@ -308,7 +294,7 @@ impl Groups {
         let constants: Vec<Vec<Vec<f64>>> = constants.iter().map(|left| left.iter().map(squared).collect()).collect();
         let of_instant = |i: usize| -> (Vec<f64>, Vec<f64>) {
             let plain = || (0..n).map(|r| covariance[(r, r)]).collect();
-            let variance = statistics.by_boundary.get(i).map_or_else(plain, variance);
+            let variance = by_measured.get(i).map_or_else(plain, |t| variance(t));
             let expected = (variance.iter().enumerate())
                 .map(|(r, v)| match observation.compares(r) && there(i, r) {
                     true => {

@@ -9,4 +9,5 @@ pub(crate) mod released;
 pub(crate) mod released_width;
 pub(crate) mod remarks;
 pub(crate) mod rotations;
+pub(crate) mod significance;
 pub(crate) mod verdict;

@@ -117,7 +117,7 @@ impl Problem<'_> {
         statistics: &Statistics,
         boundary: &BoundaryHistory,
     ) -> Result<Option<Released>, FitError> {
-        let Some(trial) = Trial::new(&self.unknowns, &evaluation.x, self.observation.n_data())? else {
+        let Some(trial) = Trial::new(&self.unknowns, &evaluation.x, self.n_data())? else {
             return Ok(None);
         };
         let Some(unknowns) = trial.unknowns() else { return Ok(None) };
@@ -146,7 +146,7 @@ impl Problem<'_> {
         let gain = match weights {
             Weights::Inverse(_) if self.noise.sigma.is_some() => fall,
             // In units of what one number compared leaves of the objective.
-            _ => fall / (statistics.expected_omega / self.observation.n_data() as f64).max(f64::MIN_POSITIVE),
+            _ => fall / (statistics.expected_omega / self.n_data() as f64).max(f64::MIN_POSITIVE),
         };
         Ok(Some(trial.released(end.status, &x, std, gain)))
     }

@@ -51,6 +51,18 @@ pub(crate) fn nodes_lost(n: usize) -> Remark {
     Remark::new(Code::NodesNotCompared, About::Joint, text).with("nodes", n)
 }
 
+/// What smoothing leaves of the border is no noise; `kept`: it is smooth all the same.
+pub(crate) fn border_not_smooth([along, across]: [usize; 2], ratio: f64, kept: bool) -> Remark {
+    let so = match kept {
+        true => "it is smoothed as [measurement] border = \"smooth\" says, and the parameters may be biased",
+        false => "it is prescribed as measured, and its noise may bias the parameters through plasticity",
+    };
+    let text = format!(
+        "the border is not smooth: fields of degrees {along} along the joint and {across} across leave {ratio:.2} times the noise; {so}"
+    );
+    Remark::new(Code::BorderNotSmooth, About::Joint, text).with("ratio", ratio)
+}
+
 pub(crate) fn weights_shifted(left_out: &[usize]) -> Remark {
     let n = left_out.len();
     let text = format!(

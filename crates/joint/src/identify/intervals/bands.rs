@@ -419,10 +419,13 @@ fn jump_errors(
         (0..n_pairs).map(|p| [0, 1].map(|r| [0, 1].map(|c| entry(2 * p + r, 2 * p + c)))).collect()
     };
     if fit.largest_correction.is_none() {
+        let by_coefficients =
+            Dense::from_fn(2 * n_pairs, by_boundary.len(), |at, k| component(by_boundary[k][at / 2], at % 2));
+        let by_measured = problem.border.by_measured(&by_coefficients);
         let mut h = Dense::zeros(observation.n_rows(), 2 * n_pairs);
-        for (k, moved) in by_boundary.iter().enumerate() {
+        for k in 0..by_measured.n_columns() {
             let row = 2 * observation.prescribed[k / 2] + k % 2;
-            (0..2 * n_pairs).for_each(|at| h[(row, at)] = component(moved[at / 2], at % 2));
+            (0..2 * n_pairs).for_each(|at| h[(row, at)] = by_measured[(at, k)]);
         }
         let ch = noise.precision.inverse_times(&h);
         let mut all = Dense::zeros(observation.n_rows(), n);

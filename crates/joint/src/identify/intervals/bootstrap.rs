@@ -139,7 +139,7 @@ impl Base<'_> {
 
     /// The problem and the border that the fitted model gives with this noise.
     fn simulate(&self, noise: &[Vec<f64>], sign: f64) -> Option<(Problem<'_>, BoundaryHistory)> {
-        let Problem { joint, observation, noise: known, unknowns, watch } = self.problem;
+        let Problem { joint, observation, border, noise: known, unknowns, watch } = self.problem;
         let mut data = (**observation).clone();
         for observed in &mut data.instants {
             let u = &self.evaluation.solution.instants[observed.index].displacement;
@@ -159,15 +159,17 @@ impl Base<'_> {
             self.boundary.clone()
         } else {
             let moved = |(values, e): (Vec<[f64; 2]>, &Vec<f64>)| {
-                let moved_node = |(u, &row): (&[f64; 2], &usize)| [0, 1].map(|c| u[c] + sign * e[2 * row + c]);
-                values.iter().zip(&observation.prescribed).map(moved_node).collect()
+                let measured = observation.prescribed.iter().flat_map(|&row| [e[2 * row], e[2 * row + 1]]).collect();
+                let errors = border.errors(measured);
+                let moved_node = |(u, e): (&[f64; 2], &[f64; 2])| [0, 1].map(|c| u[c] + sign * e[c]);
+                values.iter().zip(errors.as_chunks::<2>().0).map(moved_node).collect()
             };
             let values = prescribed_of(joint, self.boundary);
             joint.measured.boundary(values.into_iter().zip(noise).map(moved).collect()).ok()?
         };
         let unknowns = unknowns.starting_at(&self.evaluation.x).ok()?;
-        let (observation, noise, watch) = (Arc::new(data), Arc::clone(known), watch.clone());
-        Some((Problem { joint, observation, noise, unknowns, watch }, boundary))
+        let (border, noise, watch) = (Arc::clone(border), Arc::clone(known), watch.clone());
+        Some((Problem { joint, observation: Arc::new(data), border, noise, unknowns, watch }, boundary))
     }
 
     fn refit(&self, noise: &[Vec<f64>], sign: f64) -> Refit {

@@ -188,7 +188,7 @@ pub(crate) fn budget(problem: &Problem<'_>, of: &Ingredients<'_>) -> (Budget, Ve
         if constant.kind == ConstantKind::NoiseLevel && std > 0.0 {
             if statistics.sigma_estimated && source == Source::Default {
                 // A variance of so many degrees of freedom.
-                let freedom = problem.observation.n_data().saturating_sub(n).max(1) as f64;
+                let freedom = problem.n_data().saturating_sub(n).max(1) as f64;
                 (std, source) = ((0.5 / freedom).sqrt(), Source::Computed);
             }
             parameters = lines[0].parameters.iter().map(|noise| std * noise).collect();

@@ -3,6 +3,7 @@
 use crate::identify::{Evaluation, FitError, Problem, Weights, scale};
 use crate::linalg::Dense;
 use rayon::prelude::*;
+use std::ops::Deref;
 
 /// 97.5 % of a normal distribution lie below this many standard deviations.
 pub const NORMAL_95: f64 = 1.959963984540054;
@@ -15,7 +16,7 @@ pub struct Statistics {
     pub a: Dense,
     /// `v_i`.
     pub v: Vec<Dense>,
-    /// Derivatives of the rows by the prescribed displacements at each instant; empty where those have no noise.
+    /// Derivatives of the rows by the coefficients of the border at each instant; empty where it has no noise.
     pub by_boundary: Vec<Dense>,
     /// Covariance of the scaled unknowns that the noise of the measurement gives.
     pub covariance: Dense,
@@ -35,12 +36,12 @@ impl Statistics {
     /// # Errors
     /// A tangent without inverse.
     pub fn new(problem: &Problem<'_>, evaluation: &Evaluation, weights: &Weights) -> Result<Option<Self>, FitError> {
-        let (noise, observation) = (&problem.noise, &problem.observation);
+        let noise = &problem.noise;
         let local = evaluation.local(weights, noise);
         let Ok(factor) = local.h.cholesky() else { return Ok(None) };
         let a = factor.inverse();
         let Led { v, by_boundary, of_diagonal } = Led::new(problem, evaluation, weights)?;
-        let n = observation.n_data() as f64;
+        let n = problem.n_data() as f64;
         let p = problem.unknowns.n() as f64;
         let Some((unit, spread)) = of_diagonal else {
             // v holds 1/sigma^2 where sigma is known.
@@ -85,7 +86,7 @@ impl Statistics {
 pub(crate) struct Led {
     /// `v_i`, of which `sum_i v_i^T e_i` is the gradient that the noise `e` makes.
     pub v: Vec<Dense>,
-    /// Derivatives of the rows by the prescribed displacements at each instant; empty where those have no noise.
+    /// Derivatives of the rows by the coefficients of the border at each instant; empty where it has no noise.
     pub by_boundary: Vec<Dense>,
     /// Under diagonal weights the objective that noise of sigma 1 has before anything is fitted, and the covariance of
     /// the gradient that it makes; under the inverse covariance both follow from the normal matrix.
@@ -100,7 +101,8 @@ impl Led {
         let mut v = weights.times(noise, &evaluation.jacobian());
         let Weights::Diagonal(diagonal) = weights else { return Ok(Self { v, by_boundary, of_diagonal: None }) };
         // The residual is (I, -S) e: what is prescribed wrongly comes back through the model.
-        for (v, t) in v.iter_mut().zip(&by_boundary) {
+        let by_measured: Vec<_> = by_boundary.par_iter().map(|t| problem.border.by_measured(t)).collect();
+        for (v, t) in v.iter_mut().zip(&by_measured) {
             let back = t.transposed_times(v);
             for (k, &node) in observation.prescribed.iter().enumerate() {
                 for c in 0..2 {
@@ -108,10 +110,11 @@ impl Led {
                 }
             }
         }
-        let trace = |i: usize| problem.trace(&diagonal[i], by_boundary.get(i));
+        let trace = |i: usize| problem.trace(&diagonal[i], by_measured.get(i).map(Deref::deref));
         let traces: Vec<f64> = (0..diagonal.len()).into_par_iter().map(trace).collect();
         let unit = (1.0 + noise.common) * traces.iter().sum::<f64>();
         let spread = problem.spread(&v);
+        drop(by_measured);
         Ok(Self { v, by_boundary, of_diagonal: Some((unit, spread)) })
     }
 }
@@ -132,14 +135,14 @@ impl Problem<'_> {
         sum
     }
 
-    /// `sum_k w_k (B C B^T)_kk` over the compared rows, `B = (I, -S)`.
-    fn trace(&self, weights: &[f64], by_boundary: Option<&Dense>) -> f64 {
+    /// `sum_k w_k (B C B^T)_kk` over the compared rows, `B = (I, -S)`, `S` the derivatives by the measured border.
+    fn trace(&self, weights: &[f64], by_measured: Option<&Dense>) -> f64 {
         let observation = &self.observation;
         let rows: Vec<usize> = (0..weights.len()).filter(|&row| weights[row] > 0.0).collect();
         let mut b = Dense::zeros(observation.n_rows(), rows.len());
         for (k, &row) in rows.iter().enumerate() {
             b[(row, k)] = 1.0;
-            if let Some(t) = by_boundary {
+            if let Some(t) = by_measured {
                 for (j, &node) in observation.prescribed.iter().enumerate() {
                     (0..2).for_each(|c| b[(2 * node + c, k)] -= t[(row, 2 * j + c)]);
                 }

@@ -221,11 +221,11 @@ pub fn tournament<'a>(
 ) -> Result<Tournament<'a>, FitError> {
     let own_law = problem.unknowns.law();
     // Whether a law can be started from this one is known at once, and is said before hours of fits.
-    let names = check_laws(names, own_law, problem.observation.n_data())?;
+    let names = check_laws(names, own_law, problem.n_data())?;
     let own = names.iter().position(|name| *name == own_law.name());
     // Where the case wants linear intervals, whatever they are worth, nothing else is looked for.
     let linear = options.intervals == Intervals::Linear;
-    let options = &of_tournament(options, problem.observation.n_data());
+    let options = &of_tournament(options, problem.n_data());
     let same = |unknowns: &Unknowns| unknowns.starting_at(&unknowns.start());
     let first = own.map(|_| fit(problem, options));
     let like = match &first {
@@ -294,8 +294,7 @@ pub fn tournament<'a>(
     })?;
     let alike = weigh(&mut laws, best);
     let average = average_of(&laws, best);
-    let mut found =
-        Tournament { laws, best, alike, average, sentences: Vec::new(), n_data: problem.observation.n_data() };
+    let mut found = Tournament { laws, best, alike, average, sentences: Vec::new(), n_data: problem.n_data() };
     found.sentences = found.write_sentences();
     Ok(found)
 }
@@ -378,7 +377,7 @@ fn in_words(error: FitError) -> String {
 
 /// What a fit is compared by.
 fn score(problem: &Problem<'_>, fit: &Fit, options: &FitOptions) -> Option<Score> {
-    let n = problem.observation.n_data() as f64;
+    let n = problem.n_data() as f64;
     let p = fit.parameters.len();
     let known = problem.noise.sigma.is_some();
     let omega = match (&fit.misfit, options.weights) {

@@ -4,11 +4,10 @@
 use crate::identify::solve::stage::at;
 use crate::identify::{
     Evaluation, FitError, FitOptions, FitStatus, Iteration, Noise, Problem, Stage, StepRegion, Weights, cone_step,
-    full_weights, room,
+    full_weights, prescribed_of, room,
 };
 use crate::linalg::Dense;
-use crate::mechanics::{BoundaryHistory, Joint};
-use std::collections::HashMap;
+use crate::mechanics::BoundaryHistory;
 
 /// Linearisations at most.
 const STEPS: usize = 40;
@@ -22,7 +21,7 @@ const SHORTEST: f64 = 1e-3;
 /// Stands in for the standard deviation of the noise (mm) where steps are compared with it and it is not known.
 const UNKNOWN_SIGMA: f64 = 1e-4;
 
-/// Corrections of the prescribed components at each instant compared, mm.
+/// Corrections of the coefficients of the border ([`crate::identify::Border`]) at each instant compared.
 type Corrections = Vec<Vec<f64>>;
 
 /// Where parameters and corrections are.
@@ -37,7 +36,7 @@ struct Point {
 /// What stays while they move.
 struct Search<'a> {
     problem: &'a Problem<'a>,
-    /// Displacements of the prescribed nodes as measured.
+    /// Displacements of the prescribed nodes before any correction.
     given: Vec<Vec<[f64; 2]>>,
     /// The weights of all rows, the prescribed ones among them.
     whole: Weights,
@@ -68,7 +67,7 @@ pub(crate) fn estimate_boundary(
     let n_instants = problem.observation.instants.len();
     let search = Search {
         problem,
-        given: prescribed_of(problem.joint, &problem.joint.boundary),
+        given: prescribed_of(problem.joint, &problem.border.boundary),
         whole: problem.inverse_covariance(Vec::new())?,
         bounds: problem.unknowns.scaled_bounds(),
         number: stage.next_number(),
@@ -76,7 +75,7 @@ pub(crate) fn estimate_boundary(
     // While sigma is not known, the normal matrix lacks its square.
     let missing = problem.noise.sigma.map_or(UNKNOWN_SIGMA, |_| 1.0);
     let share_of = |h: &Dense, way: &[f64]| share_of_std(h, way).map_or(f64::INFINITY, |share| share / missing);
-    let n = 2 * problem.joint.measured.prescribed.len();
+    let n = problem.border.n_coefficients(problem.joint);
     let mut point = search.begin(stage.z.clone(), vec![vec![0.0; n]; n_instants])?;
     let mut trail: Vec<Vec<f64>> = Vec::new();
     let (mut small, mut share) = (0, f64::INFINITY);
@@ -123,7 +122,8 @@ pub(crate) fn estimate_boundary(
     };
     stage.z = point.z;
     (stage.status, stage.reason) = (status, format!("{reason}, boundary displacements estimated"));
-    let largest_correction = point.corrections.iter().flatten().fold(0.0_f64, |most, d| most.max(d.abs()));
+    let moved = point.corrections.iter().flat_map(|c| problem.border.displacements(c)).flatten();
+    let largest_correction = moved.fold(0.0_f64, |most, d| most.max(d.abs()));
     Ok(Estimated { boundary: point.boundary, largest_correction, evaluation: point.evaluation, weights })
 }
 
@@ -131,7 +131,7 @@ impl Search<'_> {
     fn boundary(&self, corrections: &Corrections) -> Result<BoundaryHistory, FitError> {
         let mut values = self.given.clone();
         for (observed, correction) in self.problem.observation.instants.iter().zip(corrections) {
-            for (u, d) in values[observed.index].iter_mut().zip(correction.as_chunks::<2>().0) {
+            for (u, d) in values[observed.index].iter_mut().zip(self.problem.border.displacements(correction)) {
                 *u = [u[0] + d[0], u[1] + d[1]];
             }
         }
@@ -195,12 +195,4 @@ fn share_of_std(h: &Dense, way: &[f64]) -> Option<f64> {
     let covariance = h.cholesky().ok()?.inverse();
     let share = |k: usize| way[k].abs() / covariance[(k, k)].sqrt();
     Some((0..way.len()).map(share).fold(0.0, f64::max))
-}
-
-/// The displacements of `boundary` at the prescribed nodes of the measured mesh, instant by instant.
-pub(crate) fn prescribed_of(joint: &Joint, boundary: &BoundaryHistory) -> Vec<Vec<[f64; 2]>> {
-    let place: HashMap<u32, usize> = boundary.nodes().iter().enumerate().map(|(k, &node)| (node, k)).collect();
-    let prescribed =
-        |values: &Vec<[f64; 2]>| joint.measured.prescribed.iter().map(|node| values[place[node]]).collect();
-    boundary.instants().iter().map(prescribed).collect()
 }

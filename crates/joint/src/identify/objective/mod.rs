@@ -1,5 +1,6 @@
 //! What is minimised: observations, weights, residual, Jacobian.
 
+pub(crate) mod border;
 pub(crate) mod estimated_boundary;
 pub(crate) mod load_cell;
 pub(crate) mod noise;

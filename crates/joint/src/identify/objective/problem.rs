@@ -1,7 +1,7 @@
 //! The objective (THEORY 6, 7): residual, Jacobian, and what the trust region needs of them.
 
 use crate::identify::{
-    FitError, FitWatch, InverseCovariance, Local, Noise, Observation, ObservedInstant, Unknowns, Weights,
+    Border, FitError, FitWatch, InverseCovariance, Local, Noise, Observation, ObservedInstant, Unknowns, Weights,
 };
 use crate::io::case::WeightKind;
 use crate::linalg::Dense;
@@ -18,6 +18,8 @@ pub struct Problem<'a> {
     pub joint: &'a Joint,
     /// What is compared.
     pub observation: Arc<Observation>,
+    /// What is prescribed at the border.
+    pub border: Arc<Border>,
     /// What is known of its noise.
     pub noise: Arc<Noise>,
     /// What is looked for.
@@ -86,7 +88,12 @@ impl Problem<'_> {
     /// The same data with other unknowns.
     pub fn with_unknowns(&self, unknowns: Unknowns) -> Self {
         let (observation, noise, watch) = (self.observation.clone(), self.noise.clone(), self.watch.clone());
-        Self { joint: self.joint, observation, noise, unknowns, watch }
+        Self { joint: self.joint, observation, border: self.border.clone(), noise, unknowns, watch }
+    }
+
+    /// Numbers compared over all instants, what a smooth border leaves of its components among them.
+    pub fn n_data(&self) -> usize {
+        self.observation.n_data() + self.border.n_left() * self.observation.instants.len()
     }
 
     /// Parameters by their names, for those who watch.
@@ -223,8 +230,8 @@ impl Problem<'_> {
         }
     }
 
-    /// `T_i`: derivatives of all rows by the prescribed components of the measured mesh at each instant compared; empty
-    /// where the boundary has no noise.
+    /// `T_i`: derivatives of all rows by the coefficients of the border (its components, where it is free) at each
+    /// instant compared; empty where the boundary has no noise.
     ///
     /// # Errors
     /// A tangent without inverse; values that the law refuses.
@@ -253,14 +260,14 @@ impl Problem<'_> {
         instants.par_iter().map(by_boundary).collect()
     }
 
-    /// A unit motion of each prescribed component of the measured mesh, as if they were instants.
+    /// The motion of the border by a unit of each of its coefficients, as if they were instants.
     pub(crate) fn unit_motions(&self) -> BoundaryHistory {
-        let n = self.joint.measured.prescribed.len();
+        let n = self.border.n_coefficients(self.joint);
         let unit = |k: usize| {
-            let mut motion = vec![[0.0; 2]; n];
-            motion[k / 2][k % 2] = 1.0;
-            motion
+            let mut coefficients = vec![0.0; n];
+            coefficients[k] = 1.0;
+            self.border.displacements(&coefficients)
         };
-        self.joint.measured.boundary((0..2 * n).map(unit).collect()).expect("finite motions of nodes that differ")
+        self.joint.measured.boundary((0..n).map(unit).collect()).expect("finite motions of nodes that differ")
     }
 }

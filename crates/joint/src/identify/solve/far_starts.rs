@@ -34,7 +34,7 @@ pub(crate) fn further_start(
     }
     let start = problem.unknowns.start();
     let region = TrustRegionOptions { max_evaluations: EVALUATIONS, ..options.region };
-    let boundary = &problem.joint.boundary;
+    let boundary = &problem.border.boundary;
     let tried: Vec<End> = FACTORS
         .par_iter()
         .filter_map(|factors| {

@@ -189,7 +189,7 @@ impl Minimum {
     /// Searches from every start, and on from the best end under weights that are made there.
     fn find(problem: &Problem<'_>, options: &FitOptions) -> Result<Self, FitError> {
         let unknowns = &problem.unknowns;
-        let measured = &problem.joint.boundary;
+        let measured = &problem.border.boundary;
         let noisy_boundary = !problem.observation.prescribed.is_empty();
         let mut weights = problem.first_weights(options.weights)?;
         let starts: Vec<Vec<f64>> = std::iter::once(unknowns.start()).chain(options.starts.iter().cloned()).collect();
@@ -227,7 +227,7 @@ impl Minimum {
 
     /// See [`further_start`].
     fn further_start(&self, problem: &Problem<'_>, options: &FitOptions) -> Option<Vec<f64>> {
-        let all_data = || matches!(self.weights, Weights::Inverse(_)).then_some(problem.observation.n_data() as f64);
+        let all_data = || matches!(self.weights, Weights::Inverse(_)).then_some(problem.n_data() as f64);
         let expected = self.statistics.as_ref().map(|statistics| statistics.expected_omega).or_else(all_data);
         further_start(problem, options, &self.weights, (self.stage.status, self.local.omega, expected))
     }
@@ -490,7 +490,7 @@ fn widen_to_minima(
 /// # Errors
 /// See [`FitError`].
 pub fn first_order(problem: &Problem<'_>, weights: WeightKind, x: &[f64]) -> Result<Vec<f64>, FitError> {
-    let evaluation = problem.evaluate(x, &problem.joint.boundary)?.ok_or(FitError::Lost)?;
+    let evaluation = problem.evaluate(x, &problem.border.boundary)?.ok_or(FitError::Lost)?;
     let weights = match weights {
         WeightKind::Covariance => full_weights(problem, &evaluation)?,
         kind => problem.diagonal_weights(kind),

@@ -84,7 +84,7 @@ pub(crate) fn reweight(
     stage: &mut Stage,
     tolerances: &TrustRegionOptions,
 ) -> Result<Weights, FitError> {
-    let measured = &problem.joint.boundary;
+    let measured = &problem.border.boundary;
     let (mut coarse, mut round) = (true, 0);
     loop {
         round += 1;
