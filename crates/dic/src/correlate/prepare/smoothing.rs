@@ -337,7 +337,6 @@ mod tests {
         let [own, better] = [&noisy, &*found.image].map(|image| gradients(&|x, y| image.grey(x, y)));
         let variance = |g: &[[f64; 2]]| mean_product(g, g) / mean_product(g, &truth).powi(2);
         let ratio = variance(&better) / variance(&own);
-        println!("Gaussian of {} px: variance {ratio:.3} of that without", found.width_px);
         // Noise is 0.42 of the square of its own gradient: without any noise 0.58 would be left.
         assert!((0.58..0.65).contains(&ratio), "{ratio}");
         // The matrix is that of the steps, but for the noise in it.
