@@ -64,8 +64,9 @@ fn numbers(seed: u64) -> impl FnMut() -> f64 {
 }
 
 const ZONE: &str = "--roi 40,40,456,456 --element-size 26";
-/// A gauge across the zone.
-const GAUGE: &str = "--extensometer 60,250,440,250";
+/// A gauge from the middle to the right, in the mean over most of the height: on one that lies even about the middle what
+/// the lens does at both ends cancels.
+const GAUGE: &str = "--extensometer 256,250,446,250 --width 300";
 
 /// Value, uncertainty by noise and by the camera of the strain of the gauge, in microstrain.
 #[track_caller]
@@ -110,7 +111,8 @@ fn a_camera_is_found_on_images_moved_by_hand_and_a_gauge_reads_the_truth_with_it
     let corner = rows.first().unwrap();
     let mm = corner.mm.unwrap();
     let scale = mm.position[0] / corner.px.position[0];
-    assert!((scale / 0.05 - 1.0).abs() < 0.1 && corner.px.position == [40.0, 40.0], "{corner:?}");
+    // The tilt shrinks this side by some per cent; a px is one of the middle.
+    assert!((scale / 0.05 - 1.0).abs() < 0.3 && corner.px.position == [40.0, 40.0], "{corner:?}");
     // A usual lens is said where nothing is stated, and not where something is.
     let [said, silent] = ["raw", "plane"].map(|folder| desk.remarks(folder, Code::LensUnknown));
     assert!(said.len() == 1 && silent.is_empty(), "{said:?} {silent:?}");
@@ -130,8 +132,7 @@ fn nothing_stated_is_a_usual_lens_that_rings_where_it_would_be_seen_and_exact_is
     assert_eq!([rings("far"), rings("near"), rings("exact")], [1, 0, 0]);
     let [value, sigma, camera] = gauge(&desk, "far");
     println!("{value:?} {sigma:?} {camera:?}");
-    // The lens is the usual one: the gauge is off by what its column says. Half the image and half the shift of the
-    // example of the theory: as many microstrain.
+    // The lens is the usual one: the gauge is off by what its column says, 3 q d a/R^2 = 44 microstrain for its length a.
     let (value, sigma, camera) = (value.unwrap(), sigma.unwrap(), camera.unwrap());
     assert!((value.abs() - camera).abs() < 4.0 * sigma && (20.0..100.0).contains(&camera), "{value} {sigma} {camera}");
     assert_eq!(gauge(&desk, "exact")[2], None);
