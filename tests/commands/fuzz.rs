@@ -140,6 +140,11 @@ fn no_mesh_ends_the_program() {
 }
 
 #[test]
+fn no_field_ends_the_program() {
+    attack("fields");
+}
+
+#[test]
 fn no_case_ends_the_program() {
     attack("cases");
 }

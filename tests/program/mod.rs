@@ -211,7 +211,7 @@ impl Desk {
             if beside("reactions.csv") || beside("fit.json") {
                 continue;
             }
-            if name.ends_with(".csv") && !name.contains("exact") && !name.contains("quantities") {
+            if name.ends_with(".csv") && !["exact", "quantities", "boundary"].iter().any(|other| name.contains(other)) {
                 for row in self.read(&name).lines().filter(|line| !line.starts_with('#')).skip(1) {
                     for cell in row.split(',').rev().take(7) {
                         // A strain that is not known leaves its cell empty; the last column is a word.

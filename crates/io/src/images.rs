@@ -405,7 +405,7 @@ fn decode(bytes: &[u8], format: ImageFormat, accepted: Accepted) -> Result<Raw, 
     let taken = exif.and_then(|exif| tiff_pages::taken_of_exif(&exif));
     let mut notes = Vec::new();
     let image = DynamicImage::from_decoder(decoder).map_err(problem)?;
-    if format == ImageFormat::Jpeg && ends_in_grey(&image) && jpeg_ends_early(bytes) {
+    if format == ImageFormat::Jpeg && ends_alike(&image) && jpeg_ends_early(bytes, &image) {
         return Err(ImageFault::Truncated("the pixel data end early, before its end marker".into()));
     }
     let (n, colour, mut pixels) = match image {
@@ -467,21 +467,27 @@ fn jpeg_is_complete(bytes: &[u8]) -> bool {
     last([0xff, 0xd9]) > last([0xff, 0xda])
 }
 
-/// Whether the last rows of a picture are what the decoder of JPEG fills in where the data have ended.
-fn ends_in_grey(image: &DynamicImage) -> bool {
-    const ROWS: usize = 4;
-    const FILLED: u8 = 128;
-    let bytes = image.as_bytes();
-    let row = bytes.len() / (image.height() as usize).max(1);
-    bytes.rchunks((ROWS * row).max(1)).next().is_some_and(|last| last.iter().all(|&level| level == FILLED))
+/// Whether the last two blocks of 8 by 8 pixels are alike: where the data have ended the decoder repeats what it had.
+fn ends_alike(image: &DynamicImage) -> bool {
+    const SIDE: usize = 8;
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    let (bytes, channels) = (image.as_bytes(), usize::from(image.color().channel_count()));
+    let (Some(x), Some(y)) = ((width / SIDE).checked_sub(2), (height / SIDE).checked_sub(1)) else { return true };
+    (0..SIDE).all(|row| {
+        let at = |column: usize| channels * ((SIDE * y + row) * width + SIDE * column);
+        let block = |column: usize| bytes.get(at(column)..at(column + 1));
+        block(x) == block(x + 1)
+    })
 }
 
-/// Whether the data of a JPEG file end before the picture does: decoded once more, strictly.
-fn jpeg_ends_early(bytes: &[u8]) -> bool {
-    use zune_jpeg::zune_core::bytestream::ZCursor;
-    use zune_jpeg::zune_core::options::DecoderOptions;
-    let options = DecoderOptions::default().set_strict_mode(true).set_max_width(usize::MAX).set_max_height(usize::MAX);
-    zune_jpeg::JpegDecoder::new_with_options(ZCursor::new(bytes), options).decode().is_err()
+/// Whether the data of a JPEG file end before the picture `decoded` does: it is another one when more data follow.
+fn jpeg_ends_early(bytes: &[u8], decoded: &DynamicImage) -> bool {
+    const MORE: [u8; 256] = [0x55; 256];
+    let end = bytes.windows(2).rposition(|pair| pair == [0xff, 0xd9]).unwrap_or(bytes.len());
+    let (data, end) = bytes.split_at_checked(end).unwrap_or((bytes, &[]));
+    let longer = [data, &MORE, end].concat();
+    let again = ImageReader::with_format(Cursor::new(longer), ImageFormat::Jpeg).decode();
+    again.is_ok_and(|again| again.as_bytes() != decoded.as_bytes())
 }
 
 /// Undoes the stretching of a PGM/PPM decoder, which spreads 0..maxval over all of 8 or 16 bit: 12 bit

@@ -5,26 +5,32 @@ use toml::{Table, Value};
 
 /// The `run.toml` that a store carries. What is not there, or not as expected, has its default: a record written by
 /// another version keeps no field from being drawn.
-pub(crate) struct Record(Table);
+pub(crate) struct Record {
+    case: Table,
+    /// Whether another program measured the fields.
+    is_foreign: bool,
+}
 
 impl Record {
     pub fn of(header: &StoreHeader) -> Self {
-        Self(header.case.parse().unwrap_or_default())
+        // Tables of quadrille have the coefficients of its own field.
+        let is_foreign = header.imported_from().is_some_and(|program| program != "quadrille");
+        Self { case: header.case.parse().unwrap_or_default(), is_foreign }
     }
 
-    /// Whether a regularisation or splines bind the nodes to each other: standard uncertainties of what is drawn from
-    /// them are then upper bounds.
+    /// Whether a regularisation, splines or subsets that overlap bind the nodes to each other: standard uncertainties of
+    /// what is drawn from them are then upper bounds.
     pub fn is_regularised(&self) -> bool {
-        let section = self.0.get("correlation");
+        let section = self.case.get("correlation");
         let is = |key: &str, usual: &str| {
             section.and_then(|section| section.get(key)).is_some_and(|kind| kind.as_str() != Some(usual))
         };
-        is("regularisation", "none") || is("elements", "bilinear")
+        self.is_foreign || is("regularisation", "none") || is("elements", "bilinear")
     }
 
     /// Page of the reference.
     pub fn page(&self) -> usize {
-        let page = self.0.get("images").and_then(|images| images.get("page")).and_then(Value::as_integer);
+        let page = self.case.get("images").and_then(|images| images.get("page")).and_then(Value::as_integer);
         page.and_then(|page| usize::try_from(page).ok()).unwrap_or(0)
     }
 
@@ -34,7 +40,7 @@ impl Record {
     /// file, behind the name of the section when it has one.
     #[cfg(feature = "cli")]
     pub fn guards_px(&self, names: &[String]) -> Vec<f64> {
-        let sections: Vec<&Value> = self.0.get("zone").and_then(Value::as_array).into_iter().flatten().collect();
+        let sections: Vec<&Value> = self.case.get("zone").and_then(Value::as_array).into_iter().flatten().collect();
         let text = |section: &Value, key: &str| section.get(key).and_then(Value::as_str).map(str::to_owned);
         let of_section = |name: &str| {
             let named = |section: &&&Value| {
@@ -55,7 +61,8 @@ mod tests {
     use super::*;
 
     fn guards(record: &str, names: &[&str]) -> Vec<f64> {
-        Record(record.parse().unwrap()).guards_px(&names.iter().map(|name| name.to_string()).collect::<Vec<_>>())
+        let case = record.parse().unwrap();
+        Record { case, is_foreign: false }.guards_px(&names.iter().map(|name| name.to_string()).collect::<Vec<_>>())
     }
 
     #[test]

@@ -242,9 +242,58 @@ pub(crate) fn all_frames(folder: &Path, n_frames: usize) -> Vec<Option<(FrameSum
     numbers.par_iter().map(read).collect()
 }
 
+/// What a store says of its run with the names of its files where they are now: a project may have been moved as a whole.
+/// Whether their content is the same is seen apart from that.
+fn relocated(there: &StoreHeader, asked: &StoreHeader) -> StoreHeader {
+    let mut header = there.clone();
+    let (Some(old), Some(new)) = (reference_in(&there.case), reference_in(&asked.case)) else { return header };
+    let [mut from, mut to] = [old.as_path(), new.as_path()];
+    while let (Some(a), Some(b)) = (from.file_name(), to.file_name()) {
+        let (true, Some(above), Some(above_new)) = (a == b, from.parent(), to.parent()) else { break };
+        (from, to) = (above, above_new);
+    }
+    if from == to || from == old {
+        return header;
+    }
+    let moved = |name: &mut String| {
+        if let Ok(rest) = Path::new(name.as_str()).strip_prefix(from) {
+            *name = to.join(rest).display().to_string();
+        }
+    };
+    header.reference.iter_mut().chain(&mut header.frames).for_each(&moved);
+    if let Ok(case) = header.case.parse::<toml::Table>() {
+        let mut value = toml::Value::Table(case);
+        for_each_text(&mut value, &moved);
+        header.case = toml::to_string(&value).unwrap_or_else(|_| there.case.clone());
+    }
+    header
+}
+
+/// The first reference image that a case names.
+fn reference_in(case: &str) -> Option<PathBuf> {
+    let case: toml::Table = case.parse().ok()?;
+    let named = case.get("images")?.get("reference")?;
+    named.as_str().or_else(|| named.as_array()?.first()?.as_str()).map(PathBuf::from)
+}
+
+/// Whether the files of a run have other names than those that its store has.
+pub(crate) fn is_moved(there: &StoreHeader, asked: &StoreHeader) -> bool {
+    reference_in(&there.case) != reference_in(&asked.case)
+}
+
+fn for_each_text(value: &mut toml::Value, change: &impl Fn(&mut String)) {
+    match value {
+        toml::Value::String(text) => change(text),
+        toml::Value::Array(list) => list.iter_mut().for_each(|value| for_each_text(value, change)),
+        toml::Value::Table(table) => table.iter_mut().for_each(|(_, value)| for_each_text(value, change)),
+        _ => {}
+    }
+}
+
 /// What the run in a store has different from the one asked for, in words; nothing when it can go on. Where the series
 /// `may_grow`, that in the store may be the beginning of the one asked for.
 pub(crate) fn differences(there: &StoreHeader, asked: &StoreHeader, may_grow: bool) -> Vec<String> {
+    let there = &relocated(there, asked);
     let mut found = Vec::new();
     let mut differ = |name: &str, there: String, asked: String| {
         if there != asked {

@@ -3,6 +3,7 @@
 use crate::correlate::Correlate;
 use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
 use crate::run::folder::RunFolder;
+use crate::run::folder::restart::is_moved;
 use crate::run::frames::element_size_px;
 use crate::run::plan::Plan;
 use crate::run::plan::run_toml::RunToml;
@@ -18,6 +19,10 @@ pub(crate) fn make_or_find(
     let writer = StoreWriter::create_or_open(&folder.path().join(STORE), header)?;
     let mut store = Store::open(writer.path())?;
     same_run(&store)?; // another shard may have made it in the meantime
+    if is_moved(store.header(), header) {
+        writer.rename_files(header)?;
+        store = Store::open(writer.path())?;
+    }
     if store.n_frames() < header.frames.len() {
         writer.extend(header.frames.iter().skip(store.n_frames()).cloned(), header.case.clone())?;
         store = Store::open(writer.path())?;

@@ -12,7 +12,7 @@ use crate::run::folder::RunFolder;
 use crate::run::words::{Result, RunError, absolute, plural};
 use crate::units::Px;
 use serde::Serialize;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -102,8 +102,7 @@ pub fn import_fields(import: &Import, output: &Path, overwrite: bool) -> Result<
                 writer.mark(number, Status::Unreadable)?;
                 continue;
             }
-            let field =
-                places.field(&frame, &node_at, &mesh, sigma).map_err(|why| format!("{}: {why}", file.display()))?;
+            let field = places.field(&frame, &node_at, &mesh, sigma);
             writer.write(number, &field, &StrainField::of(&field, import.strain))?;
         }
     }
@@ -177,7 +176,7 @@ impl Places {
                     )
                     .into());
                 }
-                places.add(&frame);
+                places.add(&frame).map_err(|why| format!("{}: {why}", file.display()))?;
             }
         }
         if places.points.is_empty() {
@@ -186,7 +185,8 @@ impl Places {
         Ok(places)
     }
 
-    fn add(&mut self, frame: &FieldPoints) {
+    /// Takes the places of a frame; why it is none, where two of its points are at one.
+    fn add(&mut self, frame: &FieldPoints) -> std::result::Result<(), String> {
         self.has_sigma &= frame.points.iter().all(|point| point.sigma.is_some());
         if self.spacing == 0.0 && !frame.points.is_empty() {
             let [low, high] = ends(frame.points.iter().map(|point| point.position));
@@ -196,12 +196,19 @@ impl Places {
                 self.spacing = 1.0; // on a line or at one place: no grid in any case
             }
         }
-        for point in &frame.points {
-            if self.at(point.position).is_none() {
-                self.cells.insert(self.cell(point.position), self.points.len() as u32);
-                self.points.push(point.position);
+        let mut seen = HashSet::new();
+        for &FieldPoint { position, .. } in &frame.points {
+            let place = self.at(position).unwrap_or(self.points.len());
+            if place == self.points.len() {
+                self.cells.insert(self.cell(position), place as u32);
+                self.points.push(position);
+            }
+            if !seen.insert(place) {
+                let [x, y] = position;
+                return Err(format!("two points are at the place ({x}, {y}); export each point once"));
             }
         }
+        Ok(())
     }
 
     fn cell(&self, at: [f64; 2]) -> [i64; 2] {
@@ -232,26 +239,24 @@ impl Places {
         ))
     }
 
-    /// The field of a frame on the nodes of the mesh; why it is none, where two points are at one place.
+    /// The field of a frame on the nodes of the mesh.
     fn field(
         &self,
         frame: &FieldPoints,
         node_at: &[Option<usize>],
         mesh: &Arc<Mesh<Px>>,
         sigma: Option<[f64; 2]>,
-    ) -> std::result::Result<Measurement<Px>, String> {
+    ) -> Measurement<Px> {
         let mut nodes: Vec<Option<&FieldPoint>> = vec![None; mesh.n_nodes()];
         for point in &frame.points {
             let node = self.at(point.position).and_then(|place| node_at.get(place).copied().flatten());
-            let Some(held) = node.and_then(|node| nodes.get_mut(node)) else { continue };
-            if held.replace(point).is_some() {
-                let [x, y] = point.position;
-                return Err(format!("two points are at the place ({x}, {y}); export each point once"));
+            if let Some(held) = node.and_then(|node| nodes.get_mut(node)) {
+                *held = Some(point);
             }
         }
         let displacement = nodes.iter().map(|point| point.map_or([0.0; 2], |point| point.displacement)).collect();
         let own = |point: &FieldPoint| sigma.or(point.sigma).unwrap_or_default();
-        Ok(Measurement {
+        Measurement {
             mesh: Arc::clone(mesh),
             status: Status::Converged,
             displacement,
@@ -261,7 +266,7 @@ impl Places {
             model_error: None,
             marks: None,
             points: None,
-        })
+        }
     }
 }
 
@@ -298,6 +303,8 @@ fn sigma_of(import: &Import, places: &Places) -> Result<(&'static str, Option<[f
 
 /// Standard deviation of the displacements of fields at rest about the plane that fits each best, px.
 fn scatter_at_rest(import: &Import) -> Result<[f64; 2]> {
+    /// Digits of a table scatter so, px; no measurement does.
+    const LEAST_SCATTER: f64 = 1e-6;
     /// Unknowns of a plane.
     const PLANE: usize = 3;
     let (mut sums, mut n_free) = ([0.0; 2], 0);
@@ -317,7 +324,7 @@ fn scatter_at_rest(import: &Import) -> Result<[f64; 2]> {
         }
     }
     let sigma = sums.map(|sum| (sum / n_free.max(1) as f64).sqrt());
-    match sigma.iter().all(|sigma| *sigma > 0.0) {
+    match sigma.iter().all(|sigma| *sigma > LEAST_SCATTER) {
         true => Ok(sigma),
         false => Err("the fields of --static do not scatter: they are no measurement".into()),
     }

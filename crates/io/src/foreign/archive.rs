@@ -24,9 +24,9 @@ pub(super) fn parse(bytes: &[u8], path: &Path, options: &FieldOptions) -> Result
         &[n, 2] => n as usize,
         _ => return Err(wrong(format!("coordinates has the shape {}, not points x 2", of_shape(at)))),
     };
-    let n_frames = match u.shape.as_slice() {
-        &[points] if points as usize == n => 1,
-        &[points, frames] if points as usize == n => frames as usize,
+    let n_frames = match *u.shape.as_slice() {
+        [points] if points as usize == n => 1,
+        [points, frames] if points as usize == n => frames as usize,
         _ => return Err(wrong(format!("disp_u has the shape {}, not {n} points x frames", of_shape(u)))),
     };
     if v.shape != u.shape {

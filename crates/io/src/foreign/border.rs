@@ -2,14 +2,25 @@
 
 use crate::field::Measurement;
 use crate::units::{PixelSize, Px, Vector};
+use ::csv::WriterBuilder;
 use std::collections::BTreeSet;
 use std::io::{self, Write};
 
 /// Nodes on the border of zones with their displacements, mm, y up; the origin is the centre of the top-left pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Border {
-    /// Zone, number of the node in the mesh, position, displacement, its standard uncertainty.
-    nodes: Vec<(String, u32, [f64; 2], [f64; 2], [f64; 2])>,
+    nodes: Vec<BorderNode>,
+}
+
+/// A node on a border, mm.
+#[derive(Debug, Clone, PartialEq)]
+struct BorderNode {
+    zone: String,
+    /// Its number in the mesh.
+    number: u32,
+    at: [f64; 2],
+    u: [f64; 2],
+    sigma: [f64; 2],
 }
 
 impl Border {
@@ -24,7 +35,8 @@ impl Border {
                 let at = node as usize;
                 let of_node = mesh.nodes().get(at).zip(field.at_points().get(at)).zip(field.sigma_at_points().get(at));
                 if let (Some(((&x, &u), &sigma)), Some(true)) = (of_node, field.measured.get(at)) {
-                    nodes.push((name.clone(), node, mm(x), mm(u), sigma.map(|v| scale.mm_from_px(v))));
+                    let sigma = sigma.map(|v| scale.mm_from_px(v));
+                    nodes.push(BorderNode { zone: name.clone(), number: node, at: mm(x), u: mm(u), sigma });
                 }
             }
         }
@@ -38,12 +50,14 @@ impl Border {
     pub fn write_csv<W: Write>(&self, mut out: W, title: &str) -> io::Result<()> {
         writeln!(out, "# {}", one_line(title))?;
         writeln!(out, "# border of the zones, mm, y up, origin at the centre of the top-left pixel")?;
-        writeln!(out, "node,zone,x_mm,y_mm,ux_mm,uy_mm,sigma_ux_mm,sigma_uy_mm")?;
-        for (zone, node, at, u, sigma) in &self.nodes {
-            write!(out, "{node},\"{}\"", zone.replace('"', "\"\""))?;
-            [at, u, sigma].into_iter().flatten().try_for_each(|v| write!(out, ",{v:?}"))?;
-            writeln!(out)?;
+        let mut table = WriterBuilder::new().from_writer(&mut out);
+        table.write_record(["node", "zone", "x_mm", "y_mm", "ux_mm", "uy_mm", "sigma_ux_mm", "sigma_uy_mm"])?;
+        for BorderNode { zone, number, at, u, sigma } in &self.nodes {
+            let numbers = [at, u, sigma].into_iter().flatten().map(|v| format!("{v:?}"));
+            table.write_record([number.to_string(), zone.clone()].into_iter().chain(numbers))?;
         }
+        table.flush()?;
+        drop(table);
         out.flush()
     }
 
@@ -59,12 +73,12 @@ impl Border {
             one_line(title)
         )?;
         writeln!(out, "*NODE, NSET=MEASURED_BORDER")?;
-        for (_, node, [x, y], ..) in &self.nodes {
-            writeln!(out, "{}, {x:?}, {y:?}", node + 1)?;
+        for BorderNode { number, at: [x, y], .. } in &self.nodes {
+            writeln!(out, "{}, {x:?}, {y:?}", number + 1)?;
         }
         writeln!(out, "** in a step:\n*BOUNDARY")?;
-        for (_, node, _, u, _) in &self.nodes {
-            (1..).zip(u).try_for_each(|(axis, u)| writeln!(out, "{}, {axis}, {axis}, {u:?}", node + 1))?;
+        for BorderNode { number, u, .. } in &self.nodes {
+            (1..).zip(u).try_for_each(|(axis, u)| writeln!(out, "{}, {axis}, {axis}, {u:?}", number + 1))?;
         }
         out.flush()
     }

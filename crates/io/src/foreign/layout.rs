@@ -122,8 +122,8 @@ pub const LAYOUTS: [Layout; 8] = [
     Layout {
         name: "quadrille",
         program: "quadrille",
-        // Values at points where they are there: what another program would read.
-        columns: &[["x_px", "y_px", "ux_point_px", "uy_point_px"], ["x_px", "y_px", "ux_px", "uy_px"]],
+        // The coefficients, of which the uncertainty is that of the file.
+        columns: &[["x_px", "y_px", "ux_px", "uy_px"]],
         sigma: Some(["sigma_ux_px", "sigma_uy_px"]),
         unit: Some(LengthUnit::Px),
         y: Some(YAxis::Down),
@@ -207,7 +207,7 @@ impl Layout {
     /// Whether columns of these names are recognised as this layout.
     pub(super) fn is_of(&self, names: &[String]) -> bool {
         let is_there = |name: &&str| names.iter().any(|column| column == name);
-        self.places(names).is_some() && (self.beside.is_empty() || self.beside.iter().any(|name| is_there(&name)))
+        self.places(names).is_some() && (self.beside.is_empty() || self.beside.iter().any(is_there))
     }
 }
 

@@ -26,7 +26,7 @@ impl WrittenLayout {
             Self::Nodemap => {
                 "ID; x_undef [mm]; y_undef [mm]; z_undef [mm]; u [mm]; v [mm]; w [mm]; epsx [%]; epsy [%]; epsxy [1]"
             }
-            Self::Vic2d => "\"x\", \"y\", \"u\", \"v\", \"sigma\", \"exx\", \"eyy\", \"exy\"",
+            Self::Vic2d => "\"x\",\"y\",\"u\",\"v\",\"sigma\",\"exx\",\"eyy\",\"exy\"",
             Self::MatchId => {
                 "Coordinates.Image X [Pixel],Coordinates.Image Y [Pixel],disp.Horizontal Displacement U [Pixel],\
                  disp.Vertical Displacement V [Pixel],strain.Strain-global frame: Exx [ ],strain.Strain-global frame: \
@@ -81,7 +81,7 @@ pub fn write_points<W: Write>(
             }
             WrittenLayout::Vic2d => {
                 let sigma = (0.5 * (sigma.iter().map(|s| s * s).sum::<f64>())).sqrt();
-                writeln!(out, "{x:?}, {y:?}, {u:?}, {v:?}, {sigma:?}, {exx:?}, {eyy:?}, {exy:?}")?;
+                writeln!(out, "{x:?},{y:?},{u:?},{v:?},{sigma:?},{exx:?},{eyy:?},{exy:?}")?;
             }
             WrittenLayout::MatchId => writeln!(out, "{x:?},{y:?},{u:?},{v:?},{exx:?},{eyy:?},{exy:?}")?,
         }

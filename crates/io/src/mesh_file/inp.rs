@@ -85,7 +85,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, MeshFileFault> {
                 let number = words.next().and_then(|word| word.parse::<u64>().ok());
                 let values: Vec<f64> = words.map_while(|word| word.parse().ok()).collect();
                 let (Some(number), &[x, y, ..]) = (number, values.as_slice()) else {
-                    return Err(invalid(at, format!("'{line}' is no node: number, x, y")));
+                    return Err(invalid(at, format!("'{line}' is not a node: number, x, y")));
                 };
                 let z = values.get(2).copied().unwrap_or(0.0);
                 if place_of.insert(number, parsed.nodes.len()).is_some() {
@@ -97,7 +97,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, MeshFileFault> {
             }
             Section::Elements { given, corners } => {
                 for word in words {
-                    begun.push(word.parse().map_err(|_| invalid(at, format!("'{word}' is no number of a node")))?);
+                    begun.push(word.parse().map_err(|_| invalid(at, format!("'{word}' is not the number of a node")))?);
                 }
                 if begun.len() > given {
                     let nodes = begun.get(1..=corners).unwrap_or_default().to_vec();

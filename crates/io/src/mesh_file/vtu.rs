@@ -27,10 +27,13 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, MeshFileFault> {
     Ok(parsed)
 }
 
-/// The vectors at points by their names, x and y of each point.
-pub(super) fn vectors(bytes: &[u8]) -> Result<Vec<(String, Vec<[f64; 2]>)>, MeshFileFault> {
+/// Vectors at points by their name: x and y of each point.
+pub(super) type Vectors = (String, Vec<[f64; 2]>);
+
+/// The vectors at points.
+pub(super) fn vectors(bytes: &[u8]) -> Result<Vec<Vectors>, MeshFileFault> {
     let (file, pieces) = Vtu::open(bytes)?;
-    let mut found: Vec<(String, Vec<[f64; 2]>)> = Vec::new();
+    let mut found: Vec<Vectors> = Vec::new();
     for array in pieces.iter().flat_map(|piece| &piece.vectors) {
         let values = file.numbers(array)?;
         let pairs = values.chunks_exact(array.components).filter_map(|v| Some([*v.first()?, *v.get(1)?]));

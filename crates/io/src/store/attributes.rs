@@ -120,6 +120,13 @@ impl Attributes {
         }
     }
 
+    /// Names the files as `header` does, of frames as many as there are.
+    pub fn rename_files(&mut self, header: &StoreHeader) {
+        self.reference.clone_from(&header.reference);
+        self.frames.iter_mut().zip(&header.frames).for_each(|(there, now)| there.clone_from(now));
+        self.run_toml.clone_from(&header.case);
+    }
+
     /// The text of `zarr.json`.
     pub fn json(&self) -> Vec<u8> {
         let group = json!({ "zarr_format": 3, "node_type": "group", "attributes": self });

@@ -169,6 +169,20 @@ impl StoreWriter {
         Ok(())
     }
 
+    /// Takes the names of the reference and of the frames that are there from `header`, with its case: the files have
+    /// been moved.
+    ///
+    /// # Errors
+    /// What the file system refuses; the store is then as it was.
+    pub fn rename_files(&self, header: &StoreHeader) -> Result<(), StoreError> {
+        let mut series = self.series();
+        let mut attributes = series.attributes.clone();
+        attributes.rename_files(header);
+        write_group(&Folder::durable(self.path()), &attributes)?;
+        series.attributes = attributes;
+        Ok(())
+    }
+
     fn series(&self) -> MutexGuard<'_, ByFrame> {
         self.series.lock().unwrap_or_else(PoisonError::into_inner)
     }
