@@ -311,7 +311,7 @@ mod tests {
     fn texture(x: usize, y: usize) -> f64 {
         let wave = |k: usize| {
             let [kx, ky] = [2 * k, 2 * k + 1].map(|k| 0.45 * normal(90_000 + k));
-            (kx * x as f64 + ky * y as f64 + 6.28 * draw(5 * k)).cos()
+            (kx * x as f64 + ky * y as f64 + std::f64::consts::TAU * draw(5 * k)).cos()
         };
         43.0 * (2.0f64 / 80.0).sqrt() * (0..80).map(wave).sum::<f64>()
     }
