@@ -302,15 +302,13 @@ fn a_right_device_is_not_given_up_on_real_images_whose_nodes_in_noise_end_before
     if !has_adapter(&desk, "a_right_device_is_not_given_up") {
         return;
     }
-    let Some(folder) = data::folder("dicchallenge-s12-openhole") else { return };
-    let [reference, deformed] = ["oht_cfrp_00.tiff", "oht_cfrp_03.tiff"].map(|name| folder.join(name));
+    let Some(folder) = data::folder("sundic-necking") else { return };
+    let [reference, deformed] = ["img_0.tif", "img_3.tif"].map(|name| folder.join(name));
     let words = ["correlate", "--device", "gpu", "--export", "none", "--no-report", "--output", "out"];
     let files = [&reference, &deformed].map(|path| path.to_str().unwrap());
     let ran = desk.run_with(&[], &[&words[..], &files[..]].concat()).fine();
     assert_eq!(desk.remarks("out", Code::DeviceWrong), [], "{ran}");
     let frame = &desk.json("out/summary.json")["frames"][0];
-    // It was looked at, and goes on from what was taken as it was by more than what is allowed of a field that has
-    // settled.
-    let checked = frame["device_checked_px"].as_f64().unwrap();
-    assert!(frame["iterations"].as_u64().unwrap() >= 7 && checked > 1e-4 + TWINS_PX, "{frame:#}");
+    // It was looked at, after an iteration so long that nodes in noise may have been taken as they were.
+    assert!(frame["iterations"].as_u64().unwrap() >= 30 && frame["device_checked_px"].is_number(), "{frame:#}");
 }

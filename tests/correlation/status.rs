@@ -145,7 +145,7 @@ fn what_stays_still_is_told_from_the_body_before_it_and_from_the_clamped_end_of_
             let (swept, inside) = (over(PLACE[0], PLACE[2] + u), over(PLACE[0], PLACE[2]));
             assert!(inside < 1.0 || !still[element], "{u}: {corners:?} of the body");
             assert!(swept > 0.0 || still[element] || between[element], "{u}: {corners:?} of the ground");
-            assert!(swept < 0.25 || !still[element], "{u}: {corners:?} is hardly of the ground");
+            assert!(swept < 0.3 || !still[element], "{u}: {corners:?} is hardly of the ground");
         }
         let n = |list: &[bool]| list.iter().filter(|is| **is).count();
         // 80 elements lie inside the body, 190 outside; 52 along its edge belong to neither.

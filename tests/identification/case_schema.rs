@@ -337,8 +337,9 @@ fn without_flags(schema: &mut Value) {
 }
 
 /// Flags of `quadrille correlate` that are not keys of a case, and why.
-const NOT_KEYS: [(&str, &str); 15] = [
+const NOT_KEYS: [(&str, &str); 16] = [
     ("--case", "it names the case"),
+    ("--camera", "it names a file of the section [camera]"),
     ("--output", "the same case may go into several folders"),
     ("--overwrite", "a decision of the moment"),
     ("--resume", "a decision of the moment"),

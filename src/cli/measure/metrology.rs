@@ -127,7 +127,8 @@ fn find_zone(image: &Image) -> Option<Roi> {
     let part = specimen.parts.first().filter(|_| specimen.share(image) < ALL)?;
     let [x0, y0, x1, y1] = part.largest_rectangle();
     let is_large = (x1 - x0).min(y1 - y0) >= 4 * 16;
-    is_large.then(|| Roi { x0: x0 as f64, y0: y0 as f64, x1: x1 as f64, y1: y1 as f64 })
+    let [x0, y0, x1, y1] = [x0, y0, x1, y1].map(|at| at as f64);
+    is_large.then_some(Roi { x0, y0, x1, y1 })
 }
 
 fn options(args: &MetrologyArgs) -> Result<Options> {

@@ -94,16 +94,17 @@ impl Found {
         plan: &Plan,
         folder: &Path,
     ) -> Result<Self> {
-        let StillGround { still, between } = ground;
         let of_zones = |belongs: &dyn Fn(usize) -> bool| -> Vec<SpecimenPart> {
             let of_zone = |(zone, part): (usize, &SpecimenPart)| {
-                part_on(part, mesh, &mesh.zone_elements(zone).filter(|&element| belongs(element)).collect::<Vec<_>>())
+                let elements = mesh.zone_elements(zone).filter(|&element| belongs(element));
+                part.within(&elements.map(|element| mesh.pixel_box(element)).collect::<Vec<_>>())
             };
             self.parts.iter().enumerate().filter_map(of_zone).collect()
         };
-        let bodies = of_zones(&|element| !still[element] && !between[element]);
+        let bodies = of_zones(&|element| ground.is_moving(element));
+        let still = SpecimenPart::joined(&of_zones(&|element| ground.is_still(element)));
         let note = format!("{}; what stays still while the rest moves is the zone '{STILL}'", self.note);
-        Self { note, ..Self::default() }.lay(bodies, join(of_zones(&|element| still[element])), image, plan, folder)
+        Self { note, ..Self::default() }.lay(bodies, still, image, plan, folder)
     }
 
     /// Makes a zone of each part, and of what is `still`.
@@ -204,37 +205,6 @@ fn in_px([x0, y0, x1, y1]: [f64; 4]) -> Roi {
 /// What leaves the image is counted out; half an element keeps that away from the outermost nodes for small motion.
 fn margin_of(image: &Image, size: usize) -> usize {
     (size / 2).min(image.width().min(image.height()) / 16)
-}
-
-/// The pixels of a part on these elements; `None` without any.
-fn part_on(part: &SpecimenPart, mesh: &Mesh<Px>, elements: &[usize]) -> Option<SpecimenPart> {
-    let pixels_of = |&element: &usize| {
-        let corners = mesh.corners(element);
-        let end = |of: fn(f64, f64) -> f64, c: usize| corners.iter().map(|corner| corner[c]).fold(corners[0][c], of);
-        let [x0, y0, x1, y1] = [end(f64::min, 0), end(f64::min, 1), end(f64::max, 0), end(f64::max, 1)];
-        [x0, y0, x1, y1].map(|at| at.ceil().max(0.0) as usize)
-    };
-    let boxes: Vec<[usize; 4]> = elements.iter().map(pixels_of).collect();
-    let around = |a: [usize; 4], b: [usize; 4]| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])];
-    let bounds = boxes.iter().copied().reduce(around)?;
-    let mut bits = vec![false; (bounds[2] - bounds[0]) * (bounds[3] - bounds[1])];
-    for [x0, y0, x1, y1] in boxes {
-        for (x, y) in (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y))) {
-            bits[(y - bounds[1]) * (bounds[2] - bounds[0]) + x - bounds[0]] = part.contains(x, y);
-        }
-    }
-    let n_pixels = bits.iter().filter(|bit| **bit).count();
-    Some(SpecimenPart { bounds, bits: Some(bits), n_pixels })
-}
-
-/// All of the parts as one.
-fn join(parts: Vec<SpecimenPart>) -> Option<SpecimenPart> {
-    let around = |a: [usize; 4], b: [usize; 4]| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])];
-    let bounds = parts.iter().map(|part| part.bounds).reduce(around)?;
-    let [x0, y0, x1, y1] = bounds;
-    let pixels = (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y)));
-    let bits = pixels.map(|(x, y)| parts.iter().any(|part| part.contains(x, y))).collect();
-    Some(SpecimenPart { bounds, bits: Some(bits), n_pixels: parts.iter().map(|part| part.n_pixels).sum() })
 }
 
 /// An extent from `low` to `high`, cut to whole elements at the margin of the image: there an element that is half

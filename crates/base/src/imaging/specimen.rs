@@ -81,6 +81,29 @@ impl SpecimenPart {
 }
 
 impl SpecimenPart {
+    /// What of it lies in these boxes `[x0, y0, x1, y1]`; `None` without any.
+    pub fn within(&self, boxes: &[[usize; 4]]) -> Option<Self> {
+        let bounds = boxes.iter().copied().reduce(around)?;
+        let width = bounds[2] - bounds[0];
+        let mut bits = vec![false; width * (bounds[3] - bounds[1])];
+        for &[x0, y0, x1, y1] in boxes {
+            for (x, y) in (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y))) {
+                bits[(y - bounds[1]) * width + x - bounds[0]] = self.contains(x, y);
+            }
+        }
+        let n_pixels = bits.iter().filter(|bit| **bit).count();
+        Some(Self { bounds, bits: Some(bits), n_pixels })
+    }
+
+    /// All of the parts as one; `None` without any.
+    pub fn joined(parts: &[Self]) -> Option<Self> {
+        let bounds = parts.iter().map(|part| part.bounds).reduce(around)?;
+        let [x0, y0, x1, y1] = bounds;
+        let pixels = (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y)));
+        let bits = pixels.map(|(x, y)| parts.iter().any(|part| part.contains(x, y))).collect();
+        Some(Self { bounds, bits: Some(bits), n_pixels: parts.iter().map(|part| part.n_pixels).sum() })
+    }
+
     /// The same in an image of twice as many columns and rows.
     fn doubled(self) -> Self {
         let [x0, y0, x1, y1] = self.bounds;
@@ -92,6 +115,11 @@ impl SpecimenPart {
         let bounds = [x0, y0, x1, y1].map(|at| 2 * at);
         Self { bounds, bits: self.bits.map(of_rows), n_pixels: 4 * self.n_pixels }
     }
+}
+
+/// The box around two boxes `[x0, y0, x1, y1]`.
+fn around(a: [usize; 4], b: [usize; 4]) -> [usize; 4] {
+    [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
 }
 
 /// Shares of an image (0 to 1) that are not specimen.

@@ -345,6 +345,13 @@ impl<U: Length> Mesh<U> {
         self.elements[element].map(|node| self.nodes[node as usize])
     }
 
+    /// The box `[x0, y0, x1, y1]` around the pixels of an element, the last two not included; of an element in px.
+    pub fn pixel_box(&self, element: usize) -> [usize; 4] {
+        let corners = self.corners(element);
+        let end = |of: fn(f64, f64) -> f64, c: usize| corners.iter().map(|corner| corner[c]).fold(corners[0][c], of);
+        [end(f64::min, 0), end(f64::min, 1), end(f64::max, 0), end(f64::max, 1)].map(|at| at.ceil().max(0.0) as usize)
+    }
+
     /// The shape of an element.
     pub fn geometry(&self, element: usize) -> ElementGeometry {
         ElementGeometry::new(self.corners(element))

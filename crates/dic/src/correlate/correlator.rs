@@ -156,6 +156,18 @@ fn enough_by_node<B: Backend>(level: &Level<B>, seen: &[SeenByNode], sigma: &[f6
     (0..seen.len()).map(of_node).collect()
 }
 
+/// All levels from the finest on, each with what leads to the next.
+fn link<B: Backend>(backend: &B, finest: Level<B>, coarse: Vec<Level<B>>) -> Result<Vec<Level<B>>> {
+    let mut levels = vec![finest];
+    for coarse in coarse {
+        if let Some(finer) = levels.last_mut() {
+            finer.link(backend, &coarse.mesh)?;
+        }
+        levels.push(coarse);
+    }
+    Ok(levels)
+}
+
 impl<B: Backend> Deref for Correlator<B> {
     type Target = Reference;
 
@@ -185,15 +197,13 @@ impl<B: Backend> Correlator<B> {
         options.check()?;
         let size = [reference.width(), reference.height()];
         let laid = PixelMesh::on_zones(zones, options.mesh_size(), options.element_share, size)?;
+        let zone_pixels = laid.zone_pixels.clone();
         let hot_pixels = HotPixels::of(&reference);
-        let n_hot_pixels = hot_pixels.count(|x, y| laid.zone_pixels.iter().any(|zone| zone.contains(x, y)));
+        let n_hot_pixels = hot_pixels.count(|x, y| zone_pixels.iter().any(|zone| zone.contains(x, y)));
         let reference = hot_pixels.repair(reference);
         let kernel = kernel_of(&reference, &options, grey_offset)?;
         let ((noise, fine), mut noise_gain) = rayon::join(
-            || {
-                let zones = &laid.zone_pixels;
-                (AssumedNoise::of(&reference, zones, &options), high_frequency(&reference, zones))
-            },
+            || (AssumedNoise::of(&reference, &zone_pixels, &options), high_frequency(&reference, &zone_pixels)),
             || NoiseGain::new(options.interpolation, options.n_references),
         );
         let smoothed = smooth_reference(&reference, &laid.pixels, &noise, options.interpolation);
@@ -204,7 +214,6 @@ impl<B: Backend> Correlator<B> {
         let smoothed = smoothed.map(|smoothed| &smoothed.image);
         let rounding = rounding(&reference);
         let fine = fine * (options.n_references.max(1) as f64).sqrt();
-        let zone_pixels = laid.zone_pixels.clone();
         let mut frame = backend.frame(reference.clone(), &kernel)?;
         let Finest { level, spread, seen, dropped, held } =
             finest_level(&backend, &mut frame, (&laid, smoothed), &noise, &noise_gain, &kernel, &options)?;
@@ -229,13 +238,7 @@ impl<B: Backend> Correlator<B> {
             || coarse_levels(&backend, &mut frame, laid, size, &noise, &coarse_kernel, &options),
         );
         let (coarse_levels, search_pixels) = coarse_levels?;
-        let mut levels = vec![level];
-        for coarse in coarse_levels {
-            if let Some(finer) = levels.last_mut() {
-                finer.link(&backend, &coarse.mesh)?;
-            }
-            levels.push(coarse);
-        }
+        let levels = link(&backend, level, coarse_levels)?;
         let search_map = backend.grey_map(&mut frame, levels.len() - 1);
         let finest = &levels[0];
         let point_values = PointValuesOf::new(&options, &finest.mesh);

@@ -44,6 +44,16 @@ enum Shows {
 }
 
 impl StillGround {
+    /// Whether an element shows what stays still.
+    pub fn is_still(&self, element: usize) -> bool {
+        self.still[element]
+    }
+
+    /// Whether it shows what moves alone.
+    pub fn is_moving(&self, element: usize) -> bool {
+        !self.still[element] && !self.between[element]
+    }
+
     /// What stays still in the `field` of the deformed image while something else moves; `None` without either, and where
     /// the field runs on from one into the other.
     pub fn find(field: &Measurement<Px>, [reference, deformed]: [&Image; 2]) -> Option<Self> {
@@ -93,7 +103,8 @@ impl StillGround {
             let [in_place, moved] = [matches([0.0; 2]), matches(motion)];
             let [least, more] = IS_OF;
             still[element] = in_place > least && in_place > moved + more;
-            between[element] = !still[element] && !(moved > least && moved > in_place + more);
+            let is_moving = moved > least && moved > in_place + more;
+            between[element] = !still[element] && !is_moving;
         }
         Some(Self { still, between })
     }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 const LEAST_SHARE: f32 = 0.08;
 /// and by so many times what pixels nearby are that it does not reach, but for one, which may be hot as well: edges and
 /// dots have more such pixels.
-const ALONE: f32 = 3.5;
+const ALONE: f32 = 5.0;
 /// More of the pixels than this are texture: dots of one pixel.
 const MOST: f64 = 5e-3;
 /// A hot pixel shows in an image where it is off by this share of what it is off by in the reference.

@@ -131,11 +131,8 @@ impl<B: Backend> Correlator<B> {
         let boxes: Vec<[usize; 4]> = elements
             .iter()
             .map(|&element| {
-                let corners = self.mesh().corners(element);
-                let [low, high] = [f64::min, f64::max].map(|of| {
-                    [0, 1].map(|c| corners.iter().map(|corner| corner[c]).fold(corners[0][c], of).ceil().max(0.0))
-                });
-                [low[0] as usize, low[1] as usize, (high[0] as usize).min(width), (high[1] as usize).min(height)]
+                let [x0, y0, x1, y1] = self.mesh().pixel_box(element);
+                [x0, y0, x1.min(width), y1.min(height)]
             })
             .collect();
         let around =

@@ -1,5 +1,5 @@
 //! What a fit prescribes at the border: the displacements as measured, or smooth fields with fewer coefficients than
-//! components (THEORY 13b). Noise of the border acts through plasticity; smoothing removes most of it.
+//! components (THEORY 7). Noise of the border acts through plasticity; smoothing removes most of it.
 
 use crate::identify::doubt::remarks::border_not_smooth;
 use crate::identify::{FALSE_REJECTIONS, NOISE_LEVEL_STD, Noise, Observation, as_normal, normal_tail};
