@@ -86,7 +86,7 @@ pub struct CorrelateArgs {
         arg.help("What to write per frame beside the store DIR/fields.zarr. Default none (or what the run.toml given as --case \
                   wrote). `quadrille export` makes them later")
     }),
-    mut_arg("camera", |arg| arg.hide_short_help(true)),
+    mut_arg("file", |arg| arg.hide_short_help(true)),
     mut_arg("shard", |arg| arg.hide(true)),
     mut_arg("pages", |arg| arg.hide(true)),
     after_help = "Examples:\n  \
