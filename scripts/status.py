@@ -131,9 +131,9 @@ class Judge:
                 said.append(ran.stderr.strip()[-200:])
                 continue
             right = json.loads((test / "truth.json").read_text())["parameters"]
-            for parameter in json.loads(fits[0].read_text())["parameters"]:
+            for name, parameter in json.loads(fits[0].read_text())["parameters"].items():
                 low, high = parameter.get("interval95") or (math.nan, math.nan)
-                held += low <= right[parameter["name"]] <= high
+                held += low <= right[name] <= high
         name = f"joint at noise {noise}"
         self.row(name, [f"{held} held", f"{len(said)} refused"])
         self.hold(held >= 13 and not said, name, f"{held} of 15 intervals hold, {len(said)} refused {said[:1]}")
