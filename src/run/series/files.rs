@@ -213,7 +213,8 @@ impl<'a> PreparedSeries<'a> {
                 let after = kept.number + 1..=plan.deformed.len();
                 for number in after.filter(|&number| store.status_file(number).exists()) {
                     self.writer.unmark(number)?;
-                    depending.extend((!earlier.damaged.contains(&number)).then_some(number));
+                    let is_named = earlier.damaged.contains(&number) || earlier.replaced.contains(&number);
+                    depending.extend((!is_named).then_some(number));
                 }
                 folder.make(RunFolder::CHAIN)?;
                 Kept::tidy(folder.path(), kept.number);
