@@ -125,6 +125,8 @@ pub struct WatchArgs {
             .help("Images of the specimen, moved in its plane by hand between them; the first is the reference. One alone for \
                    marked points and lengths")
     }),
+    mut_arg("export", |arg| arg.hide_short_help(true)),
+    mut_arg("file", |arg| arg.hide_short_help(true)),
     mut_arg("shard", |arg| arg.hide(true)),
     after_help = "Examples:\n  \
     The specimen at rest, moved across, moved along, by 5 to 10 % of the image:\n    \
