@@ -113,7 +113,7 @@ impl<'a> Frame<'a> {
     ) -> Result<Self, ReportError> {
         let strained = options.figures.iter().any(|figure| figure.strain().is_some());
         let in_plane = options.camera.as_ref().map(|camera| camera.rectify(measurement));
-        let plane = in_plane.as_ref().unwrap_or(measurement);
+        let plane = in_plane.as_deref().unwrap_or(measurement);
         let strain = strained.then(|| StrainField::of(plane, options.strain));
         let window = match options.figures.iter().any(|figure| figure.is_of_window()) {
             true => {

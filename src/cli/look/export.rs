@@ -130,8 +130,8 @@ impl Export<'_> {
             let (Some(frame), Some(strain)) = (store.frame(number)?, store.strain(number)?) else { continue };
             let file = frame_in_words(&frame.file, store.reference_frame(number)?.unwrap_or(0));
             let tables = [target == Target::Csv, target == Target::Vtu];
-            let fields = [&frame.measurement, &camera.rectify(&frame.measurement)];
-            folder.write_tables(tables, number, about, &file, fields, &strain)?;
+            let plane = camera.rectify(&frame.measurement);
+            folder.write_tables(tables, number, about, &file, [&frame.measurement, &*plane], &strain)?;
             self.ticker.tick(place(target)[0], done + 1, numbers.len());
         }
         if target == Target::Vtu {

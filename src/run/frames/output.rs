@@ -116,7 +116,7 @@ impl<'a> Output<'a> {
             }
             files.extend(of_store.iter().filter_map(|path| path.strip_prefix(folder.path()).ok()).map(Path::to_owned));
             let tables = [plan.csv, plan.vtu];
-            files.extend(folder.write_tables(tables, number, about, &file, [measurement, &in_plane], &strain)?);
+            files.extend(folder.write_tables(tables, number, about, &file, [measurement, &*in_plane], &strain)?);
         }
         if let Some(Correlation { measurement, .. }) = result.as_ref().filter(|_| !status.has_field()) {
             store.write_residual(number, measurement)?;

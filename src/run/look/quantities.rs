@@ -155,10 +155,8 @@ pub(crate) fn write(
         let mut tables = tables.map_err(failed)?;
         for frame in frames {
             let (number, status, field) = frame?;
-            if let Some(drawn) = tables
-                .frame(number, status, field.map(|field| fields.camera.rectify(&field)).as_ref())
-                .map_err(failed)?
-            {
+            let plane = field.as_ref().map(|field| camera.rectify(field));
+            if let Some(drawn) = tables.frame(number, status, plane.as_deref()).map_err(failed)? {
                 look(number, &drawn);
             }
         }

@@ -5,6 +5,7 @@
 //! matrix says, and images share the noise of their reference.
 
 use super::marked::inverse_of;
+use super::model::times;
 use super::{Camera, CameraError, CameraShape, Covariance, PARAMETERS};
 use crate::field::{Measurement, RigidMotion};
 use crate::isa::Isa;
@@ -479,7 +480,6 @@ impl State {
         }
         let (slope, there, back) = (camera.slope(to), camera.by_parameters(to), camera.plane_slope(at)?);
         let here = camera.by_parameters(at);
-        let times = |m: [[f64; 2]; 2], v: Point| m.map(|row| row[0] * v[0] + row[1] * v[1]);
         let by = |&k: &usize| match unknowns[k].0 {
             // What is seen at x moves by -(dP/dX)^-1 dP/dtheta, and with it where it goes to.
             Unknown::Camera(k) => {

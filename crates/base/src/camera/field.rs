@@ -1,10 +1,11 @@
 //! A measured field in the plane, and what the uncertainty of the camera does to it.
 
-use super::{Camera, CameraError, PARAMETERS, Part, Theta};
+use super::{Camera, CameraError, PARAMETERS, Theta};
 use crate::field::{Measurement, ModelError, PointField};
 use crate::mesh::Mesh;
 use crate::plane::Point;
 use crate::units::Px;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Of each parameter, its name in budgets.
@@ -51,9 +52,7 @@ pub struct Rectifier {
 /// all nodes. Terms are independent of each other.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraTerm {
-    /// What of the camera.
-    pub part: Part,
-    /// The same in budgets: `lens` for k1, `lens_k2`, `tilt_x`, `distance`.
+    /// Its name in budgets: `lens` for k1, `lens_k2`, `tilt_x`, `distance`.
     pub name: &'static str,
     /// Change of the displacement of each node, px of the plane.
     pub change: Vec<Point>,
@@ -93,9 +92,9 @@ impl Rectifier {
 
     /// The field in the plane: `U = P^-1(x + u) - P^-1(x)`, with standard uncertainties turned and scaled by
     /// `dP^-1/dx`. A node whose place has left what the camera maps is no longer measured.
-    pub fn rectify(&self, field: &Measurement<Px>) -> Measurement<Px> {
+    pub fn rectify<'f>(&self, field: &'f Measurement<Px>) -> Cow<'f, Measurement<Px>> {
         if self.camera.is_plain() {
-            return field.clone();
+            return Cow::Borrowed(field);
         }
         let mut plane = Measurement { mesh: Arc::clone(&self.plane), ..field.clone() };
         for node in (0..field.measured.len()).filter(|&node| field.measured[node]) {
@@ -114,12 +113,12 @@ impl Rectifier {
                 sigma[node] = spread(before.sigma[node]);
             }
         }
-        plane
+        Cow::Owned(plane)
     }
 
     /// The displacements of the plane on the mesh of the image, to be drawn there.
     pub fn displaced(&self, field: &Measurement<Px>) -> Measurement<Px> {
-        Measurement { mesh: Arc::clone(&self.raw), ..self.rectify(field) }
+        Measurement { mesh: Arc::clone(&self.raw), ..self.rectify(field).into_owned() }
     }
 
     /// Where a node moves in the plane, and what turns a standard uncertainty there.
@@ -138,12 +137,12 @@ impl Rectifier {
             let (from, u) = (self.plane.nodes()[node], plane.displacement[node]);
             (from, [from[0] + u[0], from[1] + u[1]])
         };
-        let of_nodes = |(part, name): (Part, &'static str), change: &dyn Fn(Point, Point) -> Option<Point>| {
+        let of_nodes = |name: &'static str, change: &dyn Fn(Point, Point) -> Option<Point>| {
             let of_node = |node: usize| {
                 let (from, to) = at(node);
                 if plane.measured[node] { change(from, to).unwrap_or_default() } else { [0.0; 2] }
             };
-            CameraTerm { part, name, change: (0..plane.measured.len()).map(of_node).collect() }
+            CameraTerm { name, change: (0..plane.measured.len()).map(of_node).collect() }
         };
         let by = |theta: &Theta, from: Point, to: Point| {
             let (a, b) = (self.camera.plane_change(to, theta)?, self.camera.plane_change(from, theta)?);
@@ -151,13 +150,13 @@ impl Rectifier {
         };
         let names = self.camera.shape().covariance.of.iter().map(|&k| NAMES[k]);
         let mut terms: Vec<CameraTerm> = (self.camera.columns().iter().zip(names))
-            .map(|((part, theta), name)| of_nodes((*part, name), &|from, to| by(theta, from, to)))
+            .map(|(theta, name)| of_nodes(name, &|from, to| by(theta, from, to)))
             .collect();
         let shape = self.camera.shape();
         if shape.distance_std > 0.0 {
             let centre = [shape.theta[5], shape.theta[6]];
             let nearer = |_, to: Point| Some([0, 1].map(|c| shape.distance_std * (to[c] - centre[c])));
-            terms.push(of_nodes((Part::Distance, "distance"), &nearer));
+            terms.push(of_nodes("distance", &nearer));
         }
         terms
     }
@@ -227,8 +226,7 @@ mod tests {
         let plane = before.rectify(&seen);
         let terms = before.terms(&plane);
         assert_eq!(terms.len(), PARAMETERS.len());
-        for (term, (part, theta)) in terms.iter().zip(camera.columns()) {
-            assert_eq!(term.part, *part);
+        for (term, theta) in terms.iter().zip(camera.columns()) {
             let mut shape = camera.shape().clone();
             shape.theta.iter_mut().zip(theta).for_each(|(a, b)| *a += b);
             let after = Rectifier::new(Camera::new(shape).unwrap(), &seen.mesh).unwrap().rectify(&seen);

@@ -13,4 +13,4 @@ mod shape;
 
 pub use field::{CameraTerm, Rectifier};
 pub use model::Camera;
-pub use shape::{CameraError, CameraShape, Covariance, PARAMETERS, Part, Theta, USUAL_DISTORTION};
+pub use shape::{CameraError, CameraShape, Covariance, PARAMETERS, Theta, USUAL_DISTORTION};

@@ -1,6 +1,6 @@
 //! The map from the plane to raw pixels, its inverse, and their derivatives.
 
-use super::shape::{CameraError, CameraShape, Covariance, PARAMETERS, Part, Theta, USUAL_DISTORTION};
+use super::shape::{CameraError, CameraShape, Covariance, PARAMETERS, Theta, USUAL_DISTORTION};
 use crate::plane::Point;
 
 /// A matrix of two rows.
@@ -40,7 +40,7 @@ const FOLD: f64 = 0.05;
 pub struct Camera {
     shape: CameraShape,
     /// Changes of the parameters, one standard uncertainty each, independent of each other.
-    columns: Vec<(Part, Theta)>,
+    columns: Vec<Theta>,
 }
 
 impl Camera {
@@ -97,8 +97,9 @@ impl Camera {
         self.columns.is_empty() && self.shape.distance_std == 0.0
     }
 
-    /// Changes of the parameters by one standard uncertainty, independent of each other, each with its part.
-    pub fn columns(&self) -> &[(Part, Theta)] {
+    /// Changes of the parameters by one standard uncertainty, independent of each other, one for each parameter that its covariance
+    /// names.
+    pub fn columns(&self) -> &[Theta] {
         &self.columns
     }
 

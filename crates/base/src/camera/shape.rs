@@ -14,39 +14,6 @@ pub const PARAMETERS: [&str; 11] =
 /// Values of [`PARAMETERS`].
 pub type Theta = [f64; PARAMETERS.len()];
 
-/// The first of the parameters that say how the plane stands to the camera.
-const FIRST_OF_TILT: usize = 7;
-
-/// What of a camera an uncertainty comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Part {
-    /// Distortion and its centre.
-    Lens,
-    /// How the plane stands to the camera.
-    Tilt,
-    /// The distance changes from frame to frame.
-    Distance,
-}
-
-impl Part {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Lens, Self::Tilt, Self::Distance];
-
-    /// Its name in budgets.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Lens => "lens",
-            Self::Tilt => "tilt",
-            Self::Distance => "distance",
-        }
-    }
-
-    /// The part that a parameter belongs to.
-    pub fn of(parameter: usize) -> Self {
-        if parameter < FIRST_OF_TILT { Self::Lens } else { Self::Tilt }
-    }
-}
-
 /// Covariance of some parameters; the others are exact.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Covariance {
@@ -64,16 +31,8 @@ impl Covariance {
         Self { matrix: of.iter().map(|&i| of.iter().map(|&j| entry(i, j)).collect()).collect(), of }
     }
 
-    /// The standard uncertainty of each parameter.
-    pub fn std(&self) -> Theta {
-        let mut std = [0.0; PARAMETERS.len()];
-        self.of.iter().enumerate().for_each(|(row, &k)| std[k] = self.matrix[row][row].sqrt());
-        std
-    }
-
-    /// Columns `L` of `L L^T`, each with the part that its parameter belongs to: what is common to lens and tilt counts
-    /// to the lens, so that squares of all columns add up to the whole.
-    pub(super) fn columns(&self) -> Result<Vec<(Part, Theta)>, CameraError> {
+    /// Columns `L` of `L L^T`, one for each of its parameters: squares of all columns add up to the whole.
+    pub(super) fn columns(&self) -> Result<Vec<Theta>, CameraError> {
         let n = self.of.len();
         let fits = self.matrix.len() == n && self.matrix.iter().all(|row| row.len() == n);
         if !fits || self.of.iter().any(|&k| k >= PARAMETERS.len()) {
@@ -96,7 +55,7 @@ impl Covariance {
         let column = |j: usize| {
             let mut theta = [0.0; PARAMETERS.len()];
             (j..n).for_each(|i| theta[self.of[i]] = scale[i] * lower[(i, j)]);
-            (Part::of(self.of[j]), theta)
+            theta
         };
         Ok((0..n).map(column).collect())
     }
