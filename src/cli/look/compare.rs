@@ -26,7 +26,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Outcome> {
     for &number in &numbers {
         let compared = compare(&store, number, &model, args.remove_rigid)?;
         let Some(frame) = store.frame(number)? else { continue };
-        compared.write(&folder, &frame.measurement, header.pixel_size)?;
+        compared.write(&folder, header.pixel_size)?;
         draw(&compared, &frame.measurement, &backdrop, output)?;
         println!("{}", in_words(&compared));
     }

@@ -154,11 +154,15 @@ impl Export<'_> {
         }
         let [subfolder, _] = place(target);
         folder.make(subfolder)?;
+        let camera = Rectifier::new(header.camera()?, store.mesh())?;
         for (done, &number) in numbers.iter().enumerate() {
             let (Some(frame), Some(strain)) = (store.frame(number)?, store.strain(number)?) else { continue };
+            // Millimetres are those of the plane; px stay raw.
+            let in_plane = layout.needs_scale().then(|| camera.rectify(&frame.measurement));
+            let field = in_plane.as_deref().unwrap_or(&frame.measurement);
             let comments = [format!("quadrille {}, frame {number}: {}", header.quadrille, frame.file)];
             folder.write(&name(target, Some(number)), |out| {
-                write_points(out, layout, &comments, &frame.measurement, &strain, header.pixel_size)
+                write_points(out, layout, &comments, field, &strain, header.pixel_size)
             })?;
             self.ticker.tick(subfolder, done + 1, numbers.len());
         }
@@ -175,10 +179,11 @@ impl Export<'_> {
         };
         let [subfolder, _] = place(Target::Boundary);
         folder.make(subfolder)?;
+        let camera = Rectifier::new(store.header().camera()?, store.mesh())?;
         for (done, &number) in numbers.iter().enumerate() {
             let Some(frame) = store.frame(number)? else { continue };
             let title = format!("quadrille {}, frame {number}: {}", store.header().quadrille, frame.file);
-            let border = Border::of(&frame.measurement, scale);
+            let border = Border::of(&camera.rectify(&frame.measurement), scale);
             folder.write(&name(Target::Boundary, Some(number)), |out| border.write_csv(out, &title))?;
             folder.write(&format!("{subfolder}/{number:06}.inp"), |out| border.write_inp(out, &title))?;
             self.ticker.tick(subfolder, done + 1, numbers.len());

@@ -1,6 +1,7 @@
 //! A measured field against that of a model: difference, map and number.
 
 use super::projection::project;
+use crate::camera::Rectifier;
 use crate::field::{Measurement, RigidMotion};
 use crate::io::store::Store;
 use crate::mesh::{Mesh, MeshError, ZoneElements};
@@ -13,7 +14,7 @@ use std::io::Write;
 /// Folder of what is compared, in that of the run.
 pub(crate) const COMPARISON: &str = "comparison";
 
-/// The field of a model, laid over the reference image: px, y down.
+/// The field of a model, laid over the plane of the specimen: px, y down.
 #[derive(Debug)]
 pub struct PlacedModel {
     mesh: Mesh<Px>,
@@ -92,6 +93,9 @@ pub struct Comparison {
     pub difference: Vec<Option<[f64; 2]>>,
     #[serde(skip)]
     model: Vec<Option<[f64; 2]>>,
+    /// What is compared with it, in the plane that the camera sees.
+    #[serde(skip)]
+    field: Measurement<Px>,
 }
 
 /// Compares frame `number` with the model. The model is brought to the nodes as the measurement brings the motion of the
@@ -102,7 +106,10 @@ pub struct Comparison {
 /// A frame without field, a model that covers no element.
 pub fn compare(store: &Store, number: usize, model: &PlacedModel, without_rigid: bool) -> Result<Comparison> {
     let Some(frame) = store.frame(number)? else { return Err(format!("frame {number} has no field").into()) };
-    let (field, mesh) = (&frame.measurement, store.mesh());
+    // A model has no lens: it is laid over the field in the plane.
+    let camera = Rectifier::new(store.header().camera()?, store.mesh())?;
+    let field = camera.rectify(&frame.measurement).into_owned();
+    let mesh = camera.mesh();
     let (method, seen) = match store.header().imported_from() {
         None => ("projection", project(mesh, &field.measured, |at| model.at(at))),
         Some(_) => ("nodes", mesh.nodes().iter().map(|&at| model.at(at)).collect()),
@@ -149,6 +156,7 @@ pub fn compare(store: &Store, number: usize, model: &PlacedModel, without_rigid:
         rigid_motion,
         difference,
         model: seen,
+        field,
     })
 }
 
@@ -161,7 +169,8 @@ impl Comparison {
     ///
     /// # Errors
     /// What the file system refuses.
-    pub fn write(&self, folder: &RunFolder, field: &Measurement<Px>, scale: Option<PixelSize>) -> Result<()> {
+    pub fn write(&self, folder: &RunFolder, scale: Option<PixelSize>) -> Result<()> {
+        let field = &self.field;
         folder.make(COMPARISON)?;
         folder.write_json(&format!("{COMPARISON}/{:06}.json", self.frame), self)?;
         folder.write(&format!("{COMPARISON}/{:06}.csv", self.frame), |out| {
