@@ -64,6 +64,8 @@ struct Mechanics;
 
 #[cfg(feature = "report")]
 use quadrille_base::digest;
+#[cfg(all(feature = "report", feature = "store"))]
+use quadrille_base::plane;
 #[doc(inline)]
 pub use quadrille_base::{camera, field, imaging, mesh, remark, units};
 #[doc(hidden)]

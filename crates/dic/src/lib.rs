@@ -3,7 +3,7 @@
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used))]
 
-pub use quadrille_base::{clock, digest, field, imaging, isa, linalg, mesh, parts, remark, units};
+pub use quadrille_base::{clock, digest, field, imaging, isa, linalg, mesh, parts, plane, remark, units};
 
 pub mod backend;
 pub mod correlate;

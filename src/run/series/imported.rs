@@ -7,6 +7,7 @@ use crate::io::images::Accepted;
 use crate::io::series::Frame;
 use crate::io::store::{IMPORTED_FROM, STORE, StoreHeader, StoreWriter};
 use crate::mesh::{Mesh, elements_of_points};
+use crate::plane::bounds;
 use crate::remark::{About, Code, Remark};
 use crate::run::folder::RunFolder;
 use crate::run::words::{Result, RunError, absolute, plural};
@@ -187,9 +188,10 @@ impl Places {
 
     /// Takes the places of a frame; why it is none, where two of its points are at one.
     fn add(&mut self, frame: &FieldPoints) -> std::result::Result<(), String> {
-        self.has_sigma &= frame.points.iter().all(|point| point.sigma.is_some());
+        self.has_sigma &=
+            frame.points.iter().all(|point| point.sigma.is_some_and(|sigma| sigma.iter().all(|s| *s > 0.0)));
         if self.spacing == 0.0 && !frame.points.is_empty() {
-            let [low, high] = ends(frame.points.iter().map(|point| point.position));
+            let [low, high] = bounds(frame.points.iter().map(|point| &point.position));
             let area = (high[0] - low[0]) * (high[1] - low[1]);
             self.spacing = (area / frame.points.len() as f64).sqrt();
             if !(self.spacing > 0.0 && self.spacing.is_finite()) {
@@ -270,15 +272,10 @@ impl Places {
     }
 }
 
-fn ends(points: impl Iterator<Item = [f64; 2]>) -> [[f64; 2]; 2] {
-    points.fold([[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]], |[low, high], [x, y]| {
-        [[low[0].min(x), low[1].min(y)], [high[0].max(x), high[1].max(y)]]
-    })
-}
-
 /// What is added to positions: nothing along an axis without any below zero, else the first stands one step from zero.
 fn shift(points: &[[f64; 2]], spacing: f64) -> [f64; 2] {
-    ends(points.iter().copied())[0].map(|low| if low < 0.0 { spacing - low } else { 0.0 })
+    let [low, _] = bounds(points);
+    low.map(|low| if low < 0.0 { spacing - low } else { 0.0 })
 }
 
 /// Where the standard uncertainty comes from, and its value where it is one for all points.
@@ -294,7 +291,7 @@ fn sigma_of(import: &Import, places: &Places) -> Result<(&'static str, Option<[f
     match places.has_sigma {
         true => Ok(("file", None)),
         false => Err(
-            "the files name no standard uncertainty: give --static with a field of the specimen at rest, from which \
+            "the files name no standard uncertainty above zero for every point: give --static with a field of the specimen at rest, from which \
                       it is estimated, or state it with --sigma (px; 0.01 to 0.05 is usual)"
                 .into(),
         ),
@@ -348,7 +345,7 @@ fn about_plane(values: &[([f64; 2], f64)]) -> f64 {
 }
 
 fn header_of(import: &Import, places: &Places, mesh: &Arc<Mesh<Px>>) -> Result<StoreHeader> {
-    let [_, high] = ends(mesh.nodes().iter().copied());
+    let [_, high] = bounds(mesh.nodes());
     let mut image_size_px = high.map(|v| (v + places.spacing).ceil() as usize + 1);
     let (mut reference, mut reference_sha256) = (Vec::new(), Vec::new());
     if let Some(file) = &import.reference {

@@ -1,6 +1,7 @@
 //! Meshes of four-node elements, in pixels or millimetres, and the pixels of their elements.
 
 mod carried;
+mod cells;
 mod crack;
 mod element;
 mod error;
@@ -17,6 +18,7 @@ mod zone;
 mod zone_pixels;
 
 pub use carried::CarriedZones;
+pub use cells::PointCells;
 pub use crack::{CutFaces, CutTip, FacePoint, point_along, project};
 pub(crate) use element::corners_of;
 pub use element::{

@@ -13,8 +13,12 @@ pub struct Neighbours<'a> {
 impl<'a> Neighbours<'a> {
     /// Those of a mesh.
     pub fn of<U: Length>(mesh: &'a Mesh<U>) -> Self {
-        let elements = mesh.elements();
-        let mut of_node = vec![Vec::new(); mesh.n_nodes()];
+        Self::among(mesh.n_nodes(), mesh.elements())
+    }
+
+    /// Those of elements between `n_nodes` nodes.
+    pub fn among(n_nodes: usize, elements: &'a [[u32; 4]]) -> Self {
+        let mut of_node = vec![Vec::new(); n_nodes];
         for (element, nodes) in (0u32..).zip(elements) {
             nodes.iter().for_each(|&node| of_node[node as usize].push(element));
         }

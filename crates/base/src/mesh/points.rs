@@ -1,7 +1,8 @@
 //! Points of a measured field as the nodes of four-node elements.
 
-use super::ZoneElements;
-use std::collections::HashMap;
+use super::cells::PointCells;
+use super::{Neighbours, ZoneElements};
+use crate::plane::{Point, bounds};
 
 /// Distance within which a point stands where the grid expects it, of the shorter step.
 const NEAR: f64 = 0.3;
@@ -12,37 +13,13 @@ const SAMPLE: usize = 2000;
 /// Share of the elements from which on a connected part is a zone of its own.
 const ZONE_SHARE: f64 = 0.02;
 
-/// Points in square cells, so that those near a place are found.
-struct Cells<'a> {
-    points: &'a [[f64; 2]],
-    size: f64,
-    cells: HashMap<[i64; 2], Vec<u32>>,
+/// The point closest to a place within `radius`.
+fn closest(cells: &PointCells<'_>, at: Point, radius: f64) -> Option<u32> {
+    cells.near(at, radius).min_by(|a, b| square(&a.1).total_cmp(&square(&b.1))).map(|(k, _)| k as u32)
 }
 
-impl<'a> Cells<'a> {
-    fn new(points: &'a [[f64; 2]], size: f64) -> Self {
-        let mut cells: HashMap<[i64; 2], Vec<u32>> = HashMap::new();
-        for (k, point) in points.iter().enumerate() {
-            cells.entry(point.map(|v| (v / size).floor() as i64)).or_default().push(k as u32);
-        }
-        Self { points, size, cells }
-    }
-
-    /// Numbers and offsets of the points within `radius` of a place.
-    fn near(&self, [x, y]: [f64; 2], radius: f64) -> impl Iterator<Item = (u32, [f64; 2])> {
-        let size = self.size;
-        let ends = move |v: f64| ((v - radius) / size).floor() as i64..=((v + radius) / size).floor() as i64;
-        let keys = ends(x).flat_map(move |i| ends(y).map(move |j| [i, j]));
-        let listed = keys.filter_map(|key| self.cells.get(&key)).flatten();
-        let offset = move |&k: &u32| (k, [self.points[k as usize][0] - x, self.points[k as usize][1] - y]);
-        listed.map(offset).filter(move |(_, [dx, dy])| dx * dx + dy * dy <= radius * radius)
-    }
-
-    /// The point closest to a place within `radius`.
-    fn closest(&self, at: [f64; 2], radius: f64) -> Option<u32> {
-        let square = |[dx, dy]: [f64; 2]| dx * dx + dy * dy;
-        self.near(at, radius).min_by(|a, b| square(a.1).total_cmp(&square(b.1))).map(|(k, _)| k)
-    }
+fn square([x, y]: &Point) -> f64 {
+    x * x + y * y
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {
@@ -53,19 +30,15 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 /// The two steps of the grid on which `points` lie, the first towards x, the second towards y; nothing where most have
 /// no neighbours that agree.
 fn steps(points: &[[f64; 2]]) -> Option<[[f64; 2]; 2]> {
-    let ends = |c: usize| {
-        points.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], p| [low.min(p[c]), high.max(p[c])])
-    };
-    let [[x0, x1], [y0, y1]] = [ends(0), ends(1)];
+    let [[x0, y0], [x1, y1]] = bounds(points);
     let guess = ((x1 - x0) * (y1 - y0) / points.len() as f64).sqrt();
     if !(guess.is_finite() && guess > 0.0) {
         return None;
     }
-    let rough = Cells::new(points, guess);
+    let rough = PointCells::new(points, guess);
     let sampled = || points.iter().step_by(points.len().div_ceil(SAMPLE));
     let nearest = |&at: &[f64; 2]| -> Option<[f64; 2]> {
         let others = |radius| rough.near(at, radius).map(|(_, d)| d).filter(|d| *d != [0.0; 2]);
-        let square = |d: &[f64; 2]| d[0] * d[0] + d[1] * d[1];
         [1.0, REACH].into_iter().find_map(|far| others(far * guess).min_by(|a, b| square(a).total_cmp(&square(b))))
     };
     let offsets: Vec<[f64; 2]> = sampled().filter_map(nearest).collect();
@@ -76,7 +49,7 @@ fn steps(points: &[[f64; 2]]) -> Option<[[f64; 2]; 2]> {
         (c + four.cos(), s + four.sin())
     });
     let turned = sum_sin.atan2(sum_cos) / 4.0;
-    let cells = Cells::new(points, distance);
+    let cells = PointCells::new(points, distance);
     let along = |angle: f64| -> Option<[f64; 2]> {
         let (sin, cos) = angle.sin_cos();
         // Within 30 degrees of the direction.
@@ -113,10 +86,10 @@ pub fn elements_of_points(points: &[[f64; 2]]) -> Option<(Vec<ZoneElements>, Vec
     let [a, b] = steps(points)?;
     let (step_a, step_b) = (a[0].hypot(a[1]), b[0].hypot(b[1]));
     let near = NEAR * step_a.min(step_b);
-    let cells = Cells::new(points, step_a.min(step_b));
+    let cells = PointCells::new(points, step_a.min(step_b));
     let beside = |k: u32, step: [f64; 2]| {
         let [x, y] = points[k as usize];
-        cells.closest([x + step[0], y + step[1]], near)
+        closest(&cells, [x + step[0], y + step[1]], near)
     };
     let element = |k: u32| {
         let (right, below) = (beside(k, a)?, beside(k, b)?);
@@ -134,64 +107,40 @@ pub fn elements_of_points(points: &[[f64; 2]]) -> Option<(Vec<ZoneElements>, Vec
 
 /// The elements as zones; and the place in `points` of each node.
 fn in_zones(points: &[[f64; 2]], elements: &[[u32; 4]]) -> (Vec<ZoneElements>, Vec<usize>) {
-    let part_of = connected(points.len(), elements);
-    let mut parts: HashMap<u32, (usize, [f64; 4])> = HashMap::new();
-    for corners in elements {
-        let (n, bounds) =
-            parts.entry(part_of[corners[0] as usize]).or_insert((0, [f64::MAX, f64::MAX, f64::MIN, f64::MIN]));
-        *n += 1;
-        for &[x, y] in corners.iter().map(|&k| &points[k as usize]) {
-            *bounds = [bounds[0].min(x), bounds[1].min(y), bounds[2].max(x), bounds[3].max(y)];
-        }
-    }
+    let parts = Neighbours::among(points.len(), elements).bodies(|_| true);
+    let bounds_of =
+        |part: &Vec<usize>| bounds(part.iter().flat_map(|&element| elements[element]).map(|k| &points[k as usize]));
     let least = (ZONE_SHARE * elements.len() as f64).ceil() as usize;
-    let mut large: Vec<(u32, [f64; 4])> =
-        parts.iter().filter(|(_, (n, _))| *n >= least).map(|(&part, &(_, bounds))| (part, bounds)).collect();
-    large.sort_by(|(_, p), (_, q)| p[1].total_cmp(&q[1]).then(p[0].total_cmp(&q[0])));
-    let gap = |p: &[f64; 4], q: &[f64; 4]| {
-        let along = |low: usize| (p[low] - q[low + 2]).max(q[low] - p[low + 2]).max(0.0);
+    let mut large: Vec<[Point; 2]> = parts.iter().filter(|part| part.len() >= least).map(bounds_of).collect();
+    large.sort_by(|[p, _], [q, _]| p[1].total_cmp(&q[1]).then(p[0].total_cmp(&q[0])));
+    // A part that is large is its own zone, also where it lies within the rectangle of another.
+    let gap = |[low, high]: &[Point; 2], [low_q, high_q]: &[Point; 2]| {
+        let along = |c: usize| (low[c] - high_q[c]).max(low_q[c] - high[c]).max(0.0);
         along(0).hypot(along(1))
     };
-    let zone_of = |part: u32| {
-        let bounds = parts.get(&part).map_or([0.0; 4], |(_, bounds)| *bounds);
-        let distances = large.iter().map(|(other, q)| if *other == part { -1.0 } else { gap(&bounds, q) });
-        distances.enumerate().min_by(|p, q| p.1.total_cmp(&q.1)).map_or(0, |(zone, _)| zone)
-    };
-    let zone_of_part: HashMap<u32, usize> = parts.keys().map(|&part| (part, zone_of(part))).collect();
     let n_zones = large.len().max(1);
+    let mut zone_of = vec![0; elements.len()];
+    for part in &parts {
+        let own = bounds_of(part);
+        let distances = large.iter().map(|other| if *other == own { -1.0 } else { gap(&own, other) });
+        let zone = distances.enumerate().min_by(|p, q| p.1.total_cmp(&q.1)).map_or(0, |(zone, _)| zone);
+        part.iter().for_each(|&element| zone_of[element] = zone);
+    }
     let name = |zone: usize| if n_zones == 1 { "all".to_owned() } else { (zone + 1).to_string() };
     let mut zones: Vec<ZoneElements> =
         (0..n_zones).map(|zone| ZoneElements { name: name(zone), ..ZoneElements::default() }).collect();
     let (mut number, mut places) = (vec![u32::MAX; points.len()], vec![Vec::new(); n_zones]);
-    for corners in elements {
-        let zone = zone_of_part.get(&part_of[corners[0] as usize]).copied().unwrap_or(0);
-        for &k in corners.iter().filter(|&&k| number[k as usize] == u32::MAX).collect::<Vec<_>>() {
-            number[k as usize] = zones[zone].nodes.len() as u32;
-            zones[zone].nodes.push(points[k as usize]);
-            places[zone].push(k as usize);
+    for (corners, &zone) in elements.iter().zip(&zone_of) {
+        for k in corners.map(|k| k as usize) {
+            if number[k] == u32::MAX {
+                number[k] = zones[zone].nodes.len() as u32;
+                zones[zone].nodes.push(points[k]);
+                places[zone].push(k);
+            }
         }
         zones[zone].elements.push(corners.map(|k| number[k as usize]));
     }
     (zones, places.concat())
-}
-
-/// A number for each point that those connected by elements share.
-fn connected(n: usize, elements: &[[u32; 4]]) -> Vec<u32> {
-    fn root(parent: &mut [u32], mut k: u32) -> u32 {
-        while parent[k as usize] != k {
-            parent[k as usize] = parent[parent[k as usize] as usize];
-            k = parent[k as usize];
-        }
-        k
-    }
-    let mut parent: Vec<u32> = (0..n as u32).collect();
-    for corners in elements {
-        for &k in &corners[1..] {
-            let (first, other) = (root(&mut parent, corners[0]), root(&mut parent, k));
-            parent[first.max(other) as usize] = first.min(other);
-        }
-    }
-    (0..n as u32).map(|k| root(&mut parent, k)).collect()
 }
 
 #[cfg(test)]

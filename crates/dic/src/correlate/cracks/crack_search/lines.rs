@@ -1,8 +1,8 @@
 //! Lines of elements that do not match: where a crack may be.
 
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, PointCells};
+use crate::plane::distance;
 use crate::units::Px;
-use std::collections::HashMap;
 
 /// Elements with at most one matching element between them belong together: middles this near, in elements.
 const TOGETHER: f64 = 2.3;
@@ -48,41 +48,9 @@ pub(super) fn middle(mesh: &Mesh<Px>, element: usize) -> [f64; 2] {
     [0, 1].map(|c| 0.25 * corners.iter().map(|p| p[c]).sum::<f64>())
 }
 
-pub(super) fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
-}
-
-/// Points in cells of `reach`, so that those near each other are found.
-struct Cells<'a> {
-    points: &'a [[f64; 2]],
-    reach: f64,
-    cells: HashMap<[i64; 2], Vec<usize>>,
-}
-
-impl<'a> Cells<'a> {
-    fn new(points: &'a [[f64; 2]], reach: f64) -> Self {
-        let mut cells: HashMap<[i64; 2], Vec<usize>> = HashMap::new();
-        for (k, p) in points.iter().enumerate() {
-            cells.entry(p.map(|v| (v / reach).floor() as i64)).or_default().push(k);
-        }
-        Self { points, reach, cells }
-    }
-
-    /// The points within the reach of another, itself included, in an order that depends on places alone.
-    fn near(&self, at: [f64; 2]) -> impl Iterator<Item = usize> {
-        let [i, j] = at.map(|v| (v / self.reach).floor() as i64);
-        let around = (-1..=1).flat_map(move |b| (-1..=1).map(move |a| [i + a, j + b]));
-        around
-            .filter_map(|cell| self.cells.get(&cell))
-            .flatten()
-            .copied()
-            .filter(move |&k| distance(self.points[k], at) <= self.reach)
-    }
-}
-
 /// The points that hang together by steps of `reach`.
 fn connect(points: &[[f64; 2]], reach: f64) -> Vec<Vec<usize>> {
-    let cells = Cells::new(points, reach);
+    let cells = PointCells::new(points, reach);
     let mut seen = vec![false; points.len()];
     let mut all = Vec::new();
     for first in 0..points.len() {
@@ -94,7 +62,7 @@ fn connect(points: &[[f64; 2]], reach: f64) -> Vec<Vec<usize>> {
         let mut next = 0;
         while let Some(&at) = members.get(next) {
             next += 1;
-            for other in cells.near(points[at]) {
+            for (other, _) in cells.near(points[at], reach) {
                 if !seen[other] {
                     seen[other] = true;
                     members.push(other);
@@ -120,9 +88,9 @@ fn group(zone: usize, middles: &[[f64; 2]], size: f64) -> Group {
 
 /// The points of the longest of the shortest ways between two of them: going to the furthest twice finds its ends.
 fn longest(points: &[[f64; 2]], reach: f64) -> Vec<[f64; 2]> {
-    let cells = Cells::new(points, reach);
-    let (from_any, _) = ways(points, &cells, 0);
-    let (from, before) = ways(points, &cells, furthest(&from_any));
+    let cells = PointCells::new(points, reach);
+    let (from_any, _) = ways(points, &cells, reach, 0);
+    let (from, before) = ways(points, &cells, reach, furthest(&from_any));
     let mut at = furthest(&from);
     let mut path = vec![points[at]];
     while let Some(next) = before[at] {
@@ -141,8 +109,8 @@ fn furthest(distances: &[f64]) -> usize {
     (0..distances.len()).max_by(|&a, &b| distances[a].total_cmp(&distances[b])).unwrap_or(0)
 }
 
-/// Lengths of the shortest ways from `start`, and the point before each. Long steps cost more: none is passed over.
-fn ways(points: &[[f64; 2]], cells: &Cells<'_>, start: usize) -> (Vec<f64>, Vec<Option<usize>>) {
+/// Lengths of the shortest ways from `start` in steps of up to `reach`, and the point before each. Long steps cost more: none is passed over.
+fn ways(points: &[[f64; 2]], cells: &PointCells<'_>, reach: f64, start: usize) -> (Vec<f64>, Vec<Option<usize>>) {
     let mut best = vec![f64::INFINITY; points.len()];
     let mut before = vec![None; points.len()];
     let mut waiting = std::collections::BTreeSet::from([(0u64, start)]);
@@ -152,9 +120,9 @@ fn ways(points: &[[f64; 2]], cells: &Cells<'_>, start: usize) -> (Vec<f64>, Vec<
         if f64::from_bits(bits) > best[at] {
             continue;
         }
-        for other in cells.near(points[at]).filter(|&other| other != at) {
+        for (other, _) in cells.near(points[at], reach).filter(|&(other, _)| other != at) {
             let step = distance(points[at], points[other]);
-            let length = best[at] + step * step / cells.reach;
+            let length = best[at] + step * step / reach;
             if length < best[other] {
                 (best[other], before[other]) = (length, Some(at));
                 waiting.insert((length.to_bits(), other));
@@ -168,10 +136,11 @@ fn ways(points: &[[f64; 2]], cells: &Cells<'_>, start: usize) -> (Vec<f64>, Vec<
 
 /// The path moved into the middle of the points around, at steps of an element, half an element longer at both ends.
 fn centre(path: &[[f64; 2]], points: &[[f64; 2]], size: f64) -> Vec<[f64; 2]> {
-    let around = Cells::new(points, 1.8 * size);
+    let reach = 1.8 * size;
+    let around = PointCells::new(points, reach);
     let mean = |at: [f64; 2]| {
         let (mut sum, mut n) = ([0.0; 2], 0.0);
-        for k in around.near(at) {
+        for (k, _) in around.near(at, reach) {
             sum = [0, 1].map(|c| sum[c] + points[k][c]);
             n += 1.0;
         }

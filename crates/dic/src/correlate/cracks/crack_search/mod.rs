@@ -10,8 +10,9 @@ use crate::correlate::{Correlation, Result, is_mismatch};
 use crate::field::{CrackLine, Jump, Measurement, ModelError, NodalNoise};
 use crate::imaging::Image;
 use crate::mesh::{Crack, FacePoint, Mesh, Zone, point_along, project};
+use crate::plane::distance;
 use crate::units::Px;
-use lines::{Group, distance, groups, middle};
+use lines::{Group, groups, middle};
 use sides::{Between, Sides, place_beside, sides};
 use std::fmt;
 

@@ -1,10 +1,10 @@
 //! The two sides of a line: how each of them moves, and up to where the pixels between follow the one or the other.
 
-use super::lines::distance;
 use crate::correlate::{affine, bilinear};
 use crate::field::{ElementMark, Measurement};
 use crate::imaging::Image;
 use crate::mesh::{point_along, project};
+use crate::plane::distance;
 use crate::units::Px;
 
 /// Nodes this far along the line and across it tell how a side moves, in elements.
