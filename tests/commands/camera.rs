@@ -3,10 +3,12 @@
 
 #![cfg(feature = "cli")]
 
+use crate::common::spots::Spots;
 use crate::program;
 use program::Desk;
-use quadrille::imaging::{Image, Pixels};
+use quadrille::imaging::Image;
 use quadrille::remark::Code;
+use std::sync::Arc;
 
 const SIDE: usize = 512;
 const SIGMA: f64 = 2.2;
@@ -30,36 +32,9 @@ impl Lens {
     }
 
     /// Speckles of the plane moved by `shift` and stretched by `strain` along x, 8 bit, with noise of one grey level.
-    fn image(self, shift: [f64; 2], strain: f64, seed: u64) -> Image {
-        let mut grey = vec![40.0f64; SIDE * SIDE];
-        let mut random = numbers(4);
-        let n = 4 * SIDE * SIDE / 30;
-        for _ in 0..n {
-            let at = [0, 1].map(|_| 2.0 * SIDE as f64 * random() - 0.5 * SIDE as f64);
-            let high = 50.0 + 90.0 * random();
-            let [x, y] = self.pixel([at[0] * (1.0 + strain) + shift[0], at[1] + shift[1]]);
-            let reach = 5.0 * SIGMA;
-            let range = |v: f64| ((v - reach).max(0.0) as usize)..((v + reach).max(0.0) as usize).min(SIDE);
-            for (row, column) in range(y).flat_map(|row| range(x).map(move |column| (row, column))) {
-                let r2 = (column as f64 - x).powi(2) + (row as f64 - y).powi(2);
-                grey[row * SIDE + column] += high * (-0.5 * r2 / (SIGMA * SIGMA)).exp();
-            }
-        }
-        let mut noise = numbers(seed);
-        let mut normal = || (0..12).map(|_| noise()).sum::<f64>() - 6.0;
-        let pixels = grey.iter().map(|g| (g + normal()).round().clamp(0.0, 255.0) as u8).collect();
-        Image::new(SIDE, SIDE, Pixels::U8(pixels)).unwrap()
-    }
-}
-
-/// Numbers evenly spread over 0..1, from a seed (xorshift).
-fn numbers(seed: u64) -> impl FnMut() -> f64 {
-    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
-    move || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 11) as f64 / (1u64 << 53) as f64
+    fn image(self, shift: [f64; 2], strain: f64, seed: u64) -> Arc<Image> {
+        let place = |at: [f64; 2]| self.pixel([at[0] * (1.0 + strain) + shift[0], at[1] + shift[1]]);
+        Spots::random(SIDE, SIGMA, 4).image([SIDE; 2], 1.0, seed, place)
     }
 }
 

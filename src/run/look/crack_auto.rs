@@ -7,6 +7,7 @@ use crate::io::case::{CaseCrack, CrackPath, parse_case};
 use crate::io::store::Store;
 use crate::mesh::{Crack, MeshError, Zone};
 use crate::run::frames::about_reference;
+use crate::run::look::frame::look_at;
 use crate::run::plan::Plan;
 use crate::run::words::{Result, chain, ranges};
 use std::path::Path;
@@ -68,13 +69,7 @@ pub(crate) fn move_drawn(
     };
     let mut said = Vec::new();
     for number in numbers(plan.deformed.len()) {
-        let Some(frame) = plan.deformed.get(number - 1) else { continue };
-        let Ok(loaded) = frame.read(plan.accepted.of_size(reference.width(), reference.height())) else { continue };
-        let image = Arc::new(loaded.image);
-        let field = correlator.upload(Arc::clone(&image)).and_then(|image| correlator.correlate_uploaded(image, None));
-        let Some(field) = field.ok().map(|found| found.measurement).filter(|field| field.status.has_field()) else {
-            continue;
-        };
+        let Some((image, field)) = look_at(plan, number, reference, &*correlator) else { continue };
         to_look.retain(|&k| {
             let Some(crack) = plan.drawn.cracks.get_mut(k) else { return false };
             let CrackPath::Along(path) = &crack.path else { return false };

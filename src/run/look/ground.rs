@@ -4,16 +4,18 @@ use crate::correlate::{Correlate, StillGround};
 use crate::imaging::Image;
 use crate::io::case::parse_case;
 use crate::io::store::Store;
+use crate::run::look::frame::look_at;
 use crate::run::plan::Plan;
 use crate::run::plan::found::Found;
 use crate::run::words::Result;
 use std::iter::successors;
 use std::path::Path;
-use std::sync::Arc;
 
 /// Frames are looked at until one shows that something moves: the first, and each this many times as far into the test.
 const EVERY: usize = 4;
-/// Something moves when a measured node does so by more than this, px.
+/// Something moves when more than this share of the measured nodes does so by more than `MOVES_PX`: single nodes in noise
+/// may be anywhere.
+const MOVING: f64 = 0.05;
 const MOVES_PX: f64 = 2.0;
 
 /// What becomes of the zones `found`, and their mesh on `correlator`, once it is known what of them moves; `None` where
@@ -30,19 +32,15 @@ pub(crate) fn part(
         return Ok(None);
     }
     // Always the same frames, also of a series that has grown.
-    for number in successors(Some(1), |number| Some(number * EVERY)) {
-        let Some(frame) = plan.deformed.get(number - 1) else { break };
-        let Ok(loaded) = frame.read(plan.accepted.of_size(reference.width(), reference.height())) else { continue };
-        let image = Arc::new(loaded.image);
-        let field = correlator.upload(Arc::clone(&image)).and_then(|image| correlator.correlate_uploaded(image, None));
-        let Some(field) = field.ok().map(|found| found.measurement).filter(|field| field.status.has_field()) else {
-            continue;
-        };
+    let numbers = successors(Some(1), |number| Some(number * EVERY));
+    for number in numbers.take_while(|&number| number <= plan.deformed.len()) {
+        let Some((image, field)) = look_at(plan, number, reference, correlator) else { continue };
         if let Some(ground) = StillGround::find(&field, [reference, &image]) {
             return found.part(&ground, &field.mesh, reference, plan, folder).map(Some);
         }
-        let moves = |(u, measured): (&[f64; 2], &bool)| *measured && u[0].hypot(u[1]) > MOVES_PX;
-        if field.displacement.iter().zip(&field.measured).any(moves) {
+        let measured = field.displacement.iter().zip(&field.measured).filter(|(_, measured)| **measured);
+        let moving = measured.clone().filter(|(u, _)| u[0].hypot(u[1]) > MOVES_PX).count();
+        if moving as f64 > MOVING * measured.count() as f64 {
             break;
         }
     }

@@ -4,6 +4,7 @@ pub(crate) mod compare;
 pub(crate) mod crack_auto;
 pub(crate) mod explore;
 pub(crate) mod fit_of_run;
+mod frame;
 pub(crate) mod ground;
 pub(crate) mod page;
 mod projection;
