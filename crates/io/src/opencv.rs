@@ -62,11 +62,16 @@ const HEIGHT: [&str; 2] = ["image_height", "image_Height"];
 ///
 /// ```
 /// # use quadrille_io as quadrille;
-/// let text = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\n\
-///     camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 900., 0., 320., 0., 905.,\n      
-/// 240., 0., 0., 1. ]\n\
-///     distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ -0.1, 0.02, 0., 0., 0.
-/// ]\n"; let camera = quadrille::io::opencv::parse_opencv(text).unwrap();
+/// let lines = [
+///     "%YAML:1.0",
+///     "image_width: 640",
+///     "image_height: 480",
+///     "camera_matrix: !!opencv-matrix",
+///     "   data: [ 900., 0., 320., 0., 905., 240., 0., 0., 1. ]",
+///     "distortion_coefficients: !!opencv-matrix",
+///     "   data: [ -0.1, 0.02, 0., 0., 0. ]",
+/// ];
+/// let camera = quadrille::io::opencv::parse_opencv(&lines.join("\n")).unwrap();
 /// assert_eq!((camera.focal_px, camera.centre_px), ([900.0, 905.0], [320.0, 240.0]));
 /// assert_eq!((camera.distortion[0], camera.image_size_px), (-0.1, Some([640, 480])));
 /// ```

@@ -29,6 +29,9 @@ pub(crate) fn run(args: &CalibrateArgs, paint: Paint) -> Result<Outcome> {
     // What is to be found is not stated.
     let case = CaseFile { camera: Some(CaseCamera { exact: Some(true), ..CaseCamera::default() }), ..case };
     let asked = request(&args.correlate);
+    if asked.camera.file.is_some() {
+        return Err("--camera: the camera is what is to be found; leave it out".into());
+    }
     let alone = match asked.images.deformed.as_deref() {
         Some([name]) if marks && asked.images.reference.is_none() => Some(name),
         _ => None,
