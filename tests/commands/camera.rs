@@ -87,6 +87,21 @@ fn a_camera_is_found_on_images_moved_by_hand_and_a_gauge_reads_the_truth_with_it
     let scale = mm.position[0] / corner.px.position[0];
     // The tilt shrinks this side by some per cent; a px is one of the middle.
     assert!((scale / 0.05 - 1.0).abs() < 0.3 && corner.px.position == [40.0, 40.0], "{corner:?}");
+    desk.run("export plane --to nodemap").fine();
+    let nodemap = desk.read("plane/nodemap/000001.txt");
+    let first = nodemap.lines().find(|line| !line.starts_with('#')).unwrap();
+    let x_undef: f64 = first.split(';').nth(1).unwrap().trim().parse().unwrap();
+    assert!((x_undef / mm.position[0] - 1.0).abs() < 1e-12, "{first} {mm:?}");
+    // A model of the motion differs by noise in the plane, and by the lens in the image.
+    let places = (0..18).flat_map(|j| (0..18).map(move |i| [26.0 * f64::from(i), 26.0 * f64::from(j)]));
+    let rows = places.map(|[x, y]| format!("{x},{y},{},4\n", 22.0 + 2e-3 * x)).collect::<String>();
+    desk.write("model.csv", format!("x,y,u,v\n{rows}"));
+    let off = |folder: &str| {
+        desk.run(&format!("compare {folder} model.csv --unit px --y down")).printed();
+        desk.json(&format!("{folder}/comparison/000001.json"))["rms_sigma"].as_f64().unwrap()
+    };
+    let [with, without] = ["plane", "raw"].map(off);
+    assert!(with < 1.5 && without > 3.0, "{with} {without}");
     // A usual lens is said where nothing is stated, and not where something is.
     let [said, silent] = ["raw", "plane"].map(|folder| desk.remarks(folder, Code::LensUnknown));
     assert!(said.len() == 1 && silent.is_empty(), "{said:?} {silent:?}");
@@ -145,6 +160,7 @@ fn what_is_no_camera_of_these_images_is_one_clear_line() {
     missing.refused(&["no such camera file"]);
     let still = desk.run(&format!("calibrate {inside} ref.png a.png --output cal"));
     assert!(still.code == Some(2) && still.stderr.contains("moved by at most 0."), "{still}");
+    desk.run(&format!("calibrate {inside} ref.png a.png --camera cal.toml --output cal")).refused(&["leave it out"]);
     let alone = desk.run("calibrate ref.png --output cal");
     alone.refused(&["add at least one deformed image"]);
     let line = "calibrate ref.png --point 0,0,0,0 --point 10,10,1,1 --point 20,20,2,2 --point 30,30,3,3 --output cal";
