@@ -1,10 +1,43 @@
 //! What can be drawn of a frame, and how.
 
 use crate::camera::Rectifier;
-use crate::field::{RemoveRigid, StrainDefinition, StrainWindow, UnknownChoice};
+use crate::field::{
+    Invariant, PointValues, RemoveRigid, StrainDefinition, StrainWindow, TensorStrain, UnknownChoice, Value,
+};
 use crate::units::PixelSize;
 use std::fmt;
 use std::str::FromStr;
+
+/// A number of a strain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum OfStrain {
+    /// exx, eyy, exy.
+    Component(usize),
+    /// What does not depend on the axes.
+    Invariant(Invariant),
+}
+
+impl OfStrain {
+    pub(super) fn of(self, strain: TensorStrain) -> f64 {
+        match self {
+            Self::Component(c) => strain.components()[c],
+            Self::Invariant(which) => strain.invariant(which),
+        }
+    }
+
+    /// Of a strain at a point, with its standard uncertainty.
+    pub(super) fn at(self, there: &PointValues) -> Option<Value> {
+        match self {
+            Self::Component(c) => {
+                there.strain.map(|(strain, sigma)| Value { value: strain.components()[c], sigma: sigma[c] })
+            }
+            Self::Invariant(which) => {
+                let at = Invariant::ALL.iter().position(|&other| other == which)?;
+                Some(there.invariants?[at])
+            }
+        }
+    }
+}
 
 /// A figure that can be drawn of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -20,12 +53,32 @@ pub enum Figure {
     Eyy,
     /// Shear strain, that of the tensor.
     Exy,
+    /// Length of the displacement, px.
+    Magnitude,
+    /// Larger principal strain.
+    Major,
+    /// Smaller principal strain.
+    Minor,
+    /// Largest shear strain, that of the tensor.
+    ShearMax,
+    /// Equivalent strain by von Mises.
+    VonMises,
+    /// Rotation, degrees.
+    Rotation,
     /// Strain along x over a window of nodes.
     ExxWindow,
     /// Strain along y over a window of nodes.
     EyyWindow,
     /// Shear strain over a window of nodes.
     ExyWindow,
+    /// Larger principal strain over a window of nodes.
+    MajorWindow,
+    /// Smaller principal strain over a window of nodes.
+    MinorWindow,
+    /// Largest shear strain over a window of nodes.
+    ShearMaxWindow,
+    /// Equivalent strain over a window of nodes.
+    VonMisesWindow,
     /// Root mean square of the residual of each element, grey levels.
     Residual,
     /// The same in per cent of the reference's range of grey levels.
@@ -46,15 +99,25 @@ pub enum Figure {
 
 impl Figure {
     /// All there are.
-    pub const ALL: [Figure; 16] = [
+    pub const ALL: [Figure; 26] = [
         Figure::Ux,
         Figure::Uy,
         Figure::Exx,
         Figure::Eyy,
         Figure::Exy,
+        Figure::Magnitude,
+        Figure::Major,
+        Figure::Minor,
+        Figure::ShearMax,
+        Figure::VonMises,
+        Figure::Rotation,
         Figure::ExxWindow,
         Figure::EyyWindow,
         Figure::ExyWindow,
+        Figure::MajorWindow,
+        Figure::MinorWindow,
+        Figure::ShearMaxWindow,
+        Figure::VonMisesWindow,
         Figure::Residual,
         Figure::ResidualPercent,
         Figure::Sigma,
@@ -73,9 +136,21 @@ impl Figure {
             Figure::Exx => ("exx", Some(("Strain exx", "-"))),
             Figure::Eyy => ("eyy", Some(("Strain eyy", "-"))),
             Figure::Exy => ("exy", Some(("Shear strain exy", "-"))),
+            Figure::Magnitude => ("magnitude", Some(("Displacement, length", "px"))),
+            Figure::Major => ("e1", Some(("Larger principal strain e1", "-"))),
+            Figure::Minor => ("e2", Some(("Smaller principal strain e2", "-"))),
+            Figure::ShearMax => ("shear-max", Some(("Largest shear strain (e1 - e2)/2", "-"))),
+            Figure::VonMises => ("von-mises", Some(("Equivalent strain, von Mises, volume kept", "-"))),
+            Figure::Rotation => ("rotation", Some(("Rotation, clockwise", "degrees"))),
             Figure::ExxWindow => ("exx-window", Some(("Strain exx over the window", "-"))),
             Figure::EyyWindow => ("eyy-window", Some(("Strain eyy over the window", "-"))),
             Figure::ExyWindow => ("exy-window", Some(("Shear strain exy over the window", "-"))),
+            Figure::MajorWindow => ("e1-window", Some(("Larger principal strain e1 over the window", "-"))),
+            Figure::MinorWindow => ("e2-window", Some(("Smaller principal strain e2 over the window", "-"))),
+            Figure::ShearMaxWindow => ("shear-max-window", Some(("Largest shear strain over the window", "-"))),
+            Figure::VonMisesWindow => {
+                ("von-mises-window", Some(("Equivalent strain, von Mises, volume kept, over the window", "-")))
+            }
             Figure::Residual => ("residual", Some(("Residual, rms per element", "grey levels"))),
             Figure::ResidualPercent => ("residual-percent", Some(("Residual, rms per element", "% of the grey range"))),
             Figure::Sigma => ("sigma", Some(("Standard uncertainty of the displacement", "px"))),
@@ -97,13 +172,27 @@ impl Figure {
         self.words().1
     }
 
-    /// Which component of the strain it shows.
-    pub(super) fn strain(self) -> Option<usize> {
-        let component = |all: [Figure; 3]| all.iter().position(|&figure| figure == self);
-        component([Figure::Exx, Figure::Eyy, Figure::Exy]).or_else(|| component(Self::OF_WINDOW))
+    /// Which number of the strain it shows.
+    pub(super) fn strain(self) -> Option<OfStrain> {
+        Some(match self {
+            Figure::Exx | Figure::ExxWindow => OfStrain::Component(0),
+            Figure::Eyy | Figure::EyyWindow => OfStrain::Component(1),
+            Figure::Exy | Figure::ExyWindow => OfStrain::Component(2),
+            Figure::Major | Figure::MajorWindow => OfStrain::Invariant(Invariant::Major),
+            Figure::Minor | Figure::MinorWindow => OfStrain::Invariant(Invariant::Minor),
+            Figure::ShearMax | Figure::ShearMaxWindow => OfStrain::Invariant(Invariant::ShearMax),
+            Figure::VonMises | Figure::VonMisesWindow => OfStrain::Invariant(Invariant::VonMises),
+            _ => return None,
+        })
     }
 
-    /// The strains over a window of nodes.
+    /// Whether its values have either sign, and zero a meaning.
+    pub(super) fn is_signed(self) -> bool {
+        let one_sided = [Invariant::ShearMax, Invariant::VonMises].map(OfStrain::Invariant);
+        self == Figure::Rotation || self.strain().is_some_and(|of| !one_sided.contains(&of))
+    }
+
+    /// The strains over a window of nodes that are drawn unasked.
     pub const OF_WINDOW: [Figure; 3] = [Figure::ExxWindow, Figure::EyyWindow, Figure::ExyWindow];
 
     /// Whether it shows a strain.
@@ -113,7 +202,7 @@ impl Figure {
 
     /// Whether it shows a strain over a window of nodes.
     pub fn is_of_window(self) -> bool {
-        Self::OF_WINDOW.contains(&self)
+        self.name().ends_with("-window")
     }
 }
 
@@ -130,7 +219,9 @@ impl FromStr for Figure {
         Figure::ALL.into_iter().find(|figure| figure.name() == word).ok_or_else(|| UnknownChoice {
             option: "quantity",
             given: word.to_owned(),
-            expected: "ux, uy, exx, eyy, exy, exx-window, eyy-window, exy-window, residual, residual-percent, sigma, model-error, misfit, mesh, deformed or register",
+            expected: "ux, uy, magnitude, exx, eyy, exy, e1, e2, shear-max, von-mises, exx-window, eyy-window, exy-window, e1-window, \
+                e2-window, shear-max-window, von-mises-window, rotation, residual, residual-percent, sigma, model-error, misfit, \
+                mesh, deformed or register",
         })
     }
 }

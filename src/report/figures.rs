@@ -6,7 +6,10 @@ use super::mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figur
 use super::profile::{Profiled, profile_plot};
 use super::scale::{LARGEST, Palette, outer_ends, percentiles, write_number};
 use super::{Backdrop, Picture, ReportError};
-use crate::field::{DOUBTFUL, Measurement, Status, StrainField, StrainWindows, TensorStrain, WindowStrains};
+use crate::field::{
+    DOUBTFUL, Measurement, PointValues, Status, StrainField, StrainWindows, TensorStrain, Value, WindowStrains,
+    rotations,
+};
 use crate::units::Px;
 use std::path::{Path, PathBuf};
 
@@ -131,13 +134,14 @@ impl<'a> Frame<'a> {
         let options = self.options;
         let Some((title, unit)) = figure.quantity() else { return self.draw_mesh(figure) };
         let values = self.values(figure)?;
-        let signed = figure.strain().is_some();
+        let signed = figure.is_signed();
         let map = MapOptions {
             range: options.range,
             trim: if matches!(figure, Figure::Ux | Figure::Uy) { 0.002 } else { 0.005 },
             palette: match figure {
                 _ if signed => Palette::BlueRed,
                 Figure::Residual | Figure::ResidualPercent | Figure::Misfit => Palette::Plasma,
+                _ if figure.is_strain() => Palette::Plasma,
                 _ => Palette::Viridis,
             },
             // A white middle must not be taken for a grey image.
@@ -161,6 +165,12 @@ impl<'a> Frame<'a> {
         Ok(match figure {
             Figure::Ux => nodal(0),
             Figure::Uy => nodal(1),
+            Figure::Magnitude => Values::Nodes(measurement.at_points().iter().map(|u| u[0].hypot(u[1])).collect()),
+            Figure::Rotation => {
+                let in_plane = self.options.camera.as_ref().map(|camera| camera.rectify(measurement));
+                let of_elements = rotations(in_plane.as_deref().unwrap_or(measurement));
+                Values::Elements(of_elements.into_iter().map(|angle| angle.unwrap_or(f64::NAN)).collect())
+            }
             Figure::Sigma => Values::Nodes(measurement.sigma_at_points().iter().map(rms).collect()),
             Figure::ModelError => Values::Nodes(match &measurement.model_error {
                 Some(model) => model.nodes.iter().map(rms).collect(),
@@ -176,8 +186,9 @@ impl<'a> Frame<'a> {
             }
             Figure::Residual => Values::Elements(measurement.element_residual.clone()),
             _ => {
-                let c = figure.strain().unwrap_or(0);
-                let value = |strain: Option<TensorStrain>| strain.map_or(f64::NAN, |strain| strain.components()[c]);
+                let value = |strain: Option<TensorStrain>| {
+                    figure.strain().zip(strain).map_or(f64::NAN, |(number, strain)| number.of(strain))
+                };
                 let strain = self.strain.as_ref().filter(|_| figure.is_strain() && !figure.is_of_window());
                 match (strain, self.window.as_ref().filter(|_| figure.is_of_window())) {
                     (Some(strain), _) if self.options.strain_on_nodes => {
@@ -282,14 +293,18 @@ impl<'a> Frame<'a> {
 
     fn profile(&self, figure: Figure, line: [f64; 4]) -> Result<super::Plot, ReportError> {
         let values = self.values(figure)?;
-        let what = match (figure, figure.strain()) {
-            (_, Some(c)) if !figure.is_of_window() => Profiled::Strain(c),
-            (Figure::Ux, _) => Profiled::Displacement(0),
-            (Figure::Uy, _) => Profiled::Displacement(1),
-            _ => Profiled::Values(&values),
+        let of = |there: &PointValues| match figure {
+            Figure::Ux => Some(Value { value: there.displacement[0], sigma: there.sigma[0] }),
+            Figure::Uy => Some(Value { value: there.displacement[1], sigma: there.sigma[1] }),
+            Figure::Magnitude => Some(there.magnitude),
+            Figure::Rotation => there.invariants.map(|all| all[5]),
+            _ => figure.strain().and_then(|number| number.at(there)),
         };
+        let is_at_points = matches!(figure, Figure::Ux | Figure::Uy | Figure::Magnitude | Figure::Rotation)
+            || (figure.is_strain() && !figure.is_of_window());
+        let what = if is_at_points { Profiled::Numbers(&of) } else { Profiled::Values(&values) };
         let (title, unit) = figure.quantity().unwrap_or_default();
-        let mut plot = profile_plot(self.measurement, what, line, self.options)?;
+        let mut plot = profile_plot(self.measurement, what, figure.is_strain(), line, self.options)?;
         plot.title = format!("{title} along a line, frame {}", self.number);
         plot.y.label = format!("{title} ({unit})");
         plot.notes.extend(self.options.notes.iter().cloned());

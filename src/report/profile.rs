@@ -3,7 +3,7 @@
 use super::figure::{FigureOptions, Values};
 use super::map::warnings;
 use super::{Axis, Plot, PlotSeries, ReportError, Style};
-use crate::field::{Measurement, NodalNoise, Segment, at_point};
+use crate::field::{Measurement, NodalNoise, PointValues, Segment, Value, at_point};
 use crate::mesh::shape_functions;
 use crate::units::Px;
 
@@ -14,10 +14,8 @@ const K: f64 = 2.0;
 
 /// What is drawn along the line.
 pub(super) enum Profiled<'a> {
-    /// A component of the displacement, px.
-    Displacement(usize),
-    /// A component of the strain.
-    Strain(usize),
+    /// A number with its uncertainty at each point.
+    Numbers(&'a dyn Fn(&PointValues) -> Option<Value>),
     /// Values without an uncertainty.
     Values(&'a Values),
 }
@@ -26,6 +24,7 @@ pub(super) enum Profiled<'a> {
 pub(super) fn profile_plot(
     measurement: &Measurement<Px>,
     what: Profiled<'_>,
+    is_strain: bool,
     line: [f64; 4],
     options: &FigureOptions,
 ) -> Result<Plot, ReportError> {
@@ -38,8 +37,7 @@ pub(super) fn profile_plot(
     let mut half = None;
     match what {
         Profiled::Values(field) => sample(measurement, field, &points, &mut values),
-        Profiled::Displacement(c) | Profiled::Strain(c) => {
-            let strain = matches!(what, Profiled::Strain(_));
+        Profiled::Numbers(of) => {
             let noise = match options.known_noise {
                 true => NodalNoise::of(measurement),
                 false => NodalNoise::unknown_of(measurement),
@@ -47,11 +45,7 @@ pub(super) fn profile_plot(
             let half = half.insert(vec![0.0; points.len()]);
             for (k, &(_, at)) in points.iter().enumerate() {
                 let Some(there) = at_point(measurement, &noise, options.strain, at) else { continue };
-                let value = match strain {
-                    true => there.strain.map(|(strain, sigma)| (strain.components()[c], sigma[c])),
-                    false => Some((there.displacement[c], there.sigma[c])),
-                };
-                if let Some((value, sigma)) = value {
+                if let Some(Value { value, sigma }) = of(&there) {
                     values[k] = value;
                     half[k] = K * sigma;
                 }
@@ -60,7 +54,7 @@ pub(super) fn profile_plot(
     }
     let mm = options.pixel_size.map_or(String::new(), |size| format!("; 1 px is {} mm", size.mm_per_px()));
     let mut notes = vec![format!("from A ({x0}, {y0}) px to B ({x1}, {y1}) px{mm}")];
-    if matches!(what, Profiled::Strain(_)) {
+    if is_strain {
         let definition = options.strain;
         notes.push(format!("{definition} strain, {}, over twice the element size", definition.formula()));
     }

@@ -958,7 +958,7 @@ fn frames_without_a_field_are_named_and_wrong_words_refused() {
     desk.run("figures out --frames 2 --quiet").refused(&["no frame asked for has a field"]);
     desk.run("figures out --frames 4").refused(&["frame 4", "3"]);
     desk.run("figures out --frames 0").refused(&["'0'"]);
-    desk.run("figures out --quantity uz").refused(&["uz", "ux, uy, exx"]);
+    desk.run("figures out --quantity uz").refused(&["uz", "ux, uy, magnitude, exx"]);
     desk.run("figures out --format pdf").refused(&["pdf", "png or svg"]);
     desk.run("figures out --line 1,2,1,2").refused(&["line"]);
     desk.run("figures out --line 1,2,3").refused(&["3 numbers instead of 4"]);

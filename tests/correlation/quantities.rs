@@ -12,7 +12,7 @@ use quadrille::io::load::{LoadTable, parse_load};
 use quadrille::io::quantities::{QuantityPlane, QuantityTables};
 use quadrille::mesh::{Mesh, ZoneElements};
 use quadrille::remark::{About, Code, Remark};
-use quadrille::synth::{Motion, Peel, RenderOptions, Texture, render};
+use quadrille::synth::{Affine, Motion, Peel, RenderOptions, Texture, exact_at, render};
 use quadrille::units::{PixelSize, Px};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -502,6 +502,49 @@ fn printed_uncertainty_of_quantities_is_their_scatter() {
         }
     }
     // The requirement for printed uncertainties; more where corners make few values.
+    found.assert_within(0.1);
+}
+
+#[test]
+fn invariants_and_rotation_scatter_about_those_of_the_deformation_gradient_by_what_is_printed() {
+    const SIDE: usize = 640;
+    const NOISE: f32 = 2.0;
+    let gradient: [[f64; 2]; 2] = [[0.015, 0.010], [-0.006, -0.012]];
+    // C = F^T F = U^2 and R = F U^-1, by the closed forms of 2 x 2: principal strains apart by 60 times their noise.
+    let f = [[1.0 + gradient[0][0], gradient[0][1]], [gradient[1][0], 1.0 + gradient[1][1]]];
+    let c = |i: usize, j: usize| f[0][i] * f[0][j] + f[1][i] * f[1][j];
+    let (half_trace, det) = (0.5 * (c(0, 0) + c(1, 1)), c(0, 0) * c(1, 1) - c(0, 1) * c(0, 1));
+    let root = (half_trace * half_trace - det).sqrt();
+    let [e1, e2] = [root, -root].map(|root| 0.5 * (half_trace + root - 1.0));
+    let direction = c(0, 1).atan2(half_trace + root - c(1, 1)).to_degrees();
+    let u = [[c(0, 0) + det.sqrt(), c(0, 1)], [c(0, 1), c(1, 1) + det.sqrt()]];
+    // R is F times the adjugate of U, but for a factor.
+    let rotation = (f[1][0] * u[1][1] - f[1][1] * u[1][0]).atan2(f[0][0] * u[1][1] - f[0][1] * u[1][0]).to_degrees();
+    let von_mises = (2.0 / 3.0 * (e1 * e1 + e2 * e2 + (e1 + e2).powi(2))).sqrt();
+    let exact = [e1, e2, direction, 0.5 * (e1 - e2), von_mises, rotation];
+    let motion = Affine::new(gradient, SIDE, SIDE);
+    let texture = Texture::new(2024, 3.2).unwrap();
+    let options: RenderOptions = float(SIDE, SIDE);
+    let rest = Arc::new(render(&texture, &REST, &options).unwrap());
+    let pulled = Arc::new(render(&texture, &motion, &options).unwrap());
+    let zones = [zone("all", [24.0, 24.0, 616.0, 616.0])];
+    let mut found = Calibration::default();
+    for seed in 0..2 {
+        let options = Options { noise: Some(f64::from(NOISE)).into(), ..Options::default() };
+        let correlator = prepared(&noisy(&rest, NOISE, 2 * seed), &zones, options);
+        let field = solved(&correlator, &noisy(&pulled, NOISE, 2 * seed + 1));
+        let noise = noise_of(&field);
+        // Six elements apart noise has nothing in common.
+        for at in (0..36).map(|k| [72.0 + 96.0 * f64::from(k % 6), 72.0 + 96.0 * f64::from(k / 6)]) {
+            let there = at_point(&field, &noise, StrainDefinition::GreenLagrange, at).unwrap();
+            let names = ["e1", "e2", "direction", "shear_max", "von_mises", "rotation"];
+            for ((name, value), exact) in names.into_iter().zip(there.invariants.unwrap()).zip(exact) {
+                found.add_value(name, value, exact);
+            }
+            let [x, y] = exact_at(&motion, &[at])[0];
+            found.add_value("magnitude", there.magnitude, x.hypot(y));
+        }
+    }
     found.assert_within(0.1);
 }
 

@@ -114,12 +114,19 @@ struct Drawn {
 }
 
 /// Columns that the uncertainty of the camera has a column for.
-const OF_CAMERA: [&str; 13] = [
+const OF_CAMERA: [&str; 20] = [
     "ux_px",
     "uy_px",
     "exx",
     "eyy",
     "exy",
+    "magnitude_px",
+    "e1",
+    "e2",
+    "e1_direction_deg",
+    "shear_max",
+    "von_mises",
+    "rotation_deg",
     "exx_window",
     "eyy_window",
     "exy_window",
@@ -171,6 +178,22 @@ impl<W: Write> Table<W> {
 
 const MODEL: [&str; 2] = ["model_error_ux_px", "model_error_uy_px"];
 const STRAIN: [&str; 6] = ["exx", "eyy", "exy", "sigma_exx", "sigma_eyy", "sigma_exy"];
+const INVARIANTS: [&str; 14] = [
+    "magnitude_px",
+    "sigma_magnitude_px",
+    "e1",
+    "sigma_e1",
+    "e2",
+    "sigma_e2",
+    "e1_direction_deg",
+    "sigma_e1_direction_deg",
+    "shear_max",
+    "sigma_shear_max",
+    "von_mises",
+    "sigma_von_mises",
+    "rotation_deg",
+    "sigma_rotation_deg",
+];
 const LENGTHS: [&str; 3] = ["length_px", "elongation_px", "sigma_elongation_px"];
 const STRETCH: [&str; 4] = ["strain_engineering", "sigma_strain_engineering", "strain_true", "sigma_strain_true"];
 const JUMP: [&str; 4] = ["opening_px", "sigma_opening_px", "sliding_px", "sigma_sliding_px"];
@@ -199,7 +222,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         let QuantityPlane { camera, pixel_size, pixel_size_std } = plane;
         let q = quantities;
         let window = if q.window.is_some() { [&WINDOW_COLUMNS[..], &WINDOW_MODEL_COLUMNS].concat() } else { vec![] };
-        let point = [&PX_COLUMNS[..], &MODEL, &STRAIN, &window].concat();
+        let point = [&PX_COLUMNS[..], &MODEL, &STRAIN, &INVARIANTS, &window].concat();
         let opening = [&["along_px", "x_px", "y_px", "gap_px", "normal_x", "normal_y"][..], &JUMP].concat();
         let crack = [&["along_px", "x_px", "y_px", "normal_x", "normal_y"][..], &JUMP].concat();
         let has_tip = q.cracks.iter().any(|(_, crack)| crack.joined().next().is_some());
@@ -558,6 +581,8 @@ fn point_cells(at: [f64; 2], values: Option<PointValues>, windowed: bool) -> Vec
     cells.extend(of_each(values.map(|v| v.sigma)));
     cells.extend(of_each(values.and_then(|v| v.model_error)));
     cells.extend(of_strain(values.and_then(|v| v.strain)));
+    cells.extend(pair(values.map(|v| v.magnitude)));
+    cells.extend((0..6).flat_map(|k| pair(values.and_then(|v| Some(v.invariants?[k])))));
     if windowed {
         cells.extend(of_strain(values.and_then(|v| v.window)));
         let model = values.and_then(|v| v.window_model_error);
@@ -574,6 +599,10 @@ fn said_of_camera(camera: Option<&Rectifier>, has_columns: bool) -> Vec<String> 
     let columns = "camera_: standard uncertainty by the camera, beside sigma; it is common to all places and frames";
     plane.into_iter().chain(has_columns.then_some(columns)).map(str::to_owned).collect()
 }
+
+const INVARIANTS_IN_WORDS: &str = "e1, e2: principal strains in the plane, e1 the larger; e1_direction_deg: from x towards y (down); \
+    shear_max = (e1 - e2)/2; von_mises = sqrt(2/3 (e1^2 + e2^2 + e3^2)) with e3 = -e1 - e2; rotation_deg: of the polar decomposition, \
+    from x towards y; where e1 - e2 is not above its noise, the noise makes e1 larger and e2 smaller";
 
 /// What the columns of a table mean.
 fn definitions(
@@ -604,6 +633,7 @@ fn definitions(
         "points" | "lines" => {
             said.extend(quantities.strain.describe(element_size_px));
             said.push("strain at a point: interpolated between the nodes, so over twice the element size".to_owned());
+            said.push(INVARIANTS_IN_WORDS.to_owned());
             said.extend(quantities.window.iter().flat_map(|window| window.describe(element_size_px)));
         }
         "extensometers" => said.push(

@@ -209,8 +209,9 @@ pub struct FiguresArgs {
     /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
     #[arg(long, value_name = "1,5-20|last|all", default_value = "last")]
     pub frames: Frames,
-    /// What to draw: ux, uy, exx, eyy, exy, exx-window, eyy-window, exy-window, residual, residual-percent, sigma,
-    /// model-error, misfit, mesh, deformed, register.
+    /// What to draw: ux, uy, magnitude; strains exx, eyy, exy, e1, e2 (principal), shear-max, von-mises, each also over
+    /// a window as exx-window and so on; rotation, residual, residual-percent, sigma, model-error, misfit, mesh, deformed,
+    /// register.
     /// Default ux,uy,exx,eyy,exy,residual, with a strain window those over it as well.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub quantity: Vec<Figure>,

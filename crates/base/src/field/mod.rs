@@ -25,7 +25,10 @@ pub use quantities::{
     RemoveRigid, RigidRemoved, Segment, StressIntensity, TipState, Value, at_point, remove_rigid,
 };
 pub use rigid::RigidMotion;
-pub use strain::{ELEMENT_NOISE, NODE_NOISE, StrainDefinition, TensorStrain, element_strain_sigma, node_strain_sigma};
-pub use strain_field::StrainField;
+pub use strain::{
+    ELEMENT_NOISE, Invariant, NODE_NOISE, StrainDefinition, TensorStrain, element_strain_sigma, node_strain_sigma,
+    rotation_deg,
+};
+pub use strain_field::{StrainField, rotations};
 pub use strain_window::{StrainWindows, WindowStrains};
 pub use window::StrainWindow;

@@ -189,6 +189,88 @@ impl TensorStrain {
     }
 }
 
+/// A number of a strain in which the axes of the image do not matter, or that says how its own lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Invariant {
+    /// `e1`, the larger principal strain in the plane.
+    Major,
+    /// `e2`, the smaller one.
+    Minor,
+    /// Angle of the axis of `e1` from x towards y (down), degrees, -90 to 90.
+    Direction,
+    /// Largest shear in the plane, that of the tensor: `(e1 - e2)/2`.
+    ShearMax,
+    /// Equivalent strain by von Mises where the volume stays, `e3 = -e1 - e2`: `sqrt(2/3 (e1^2 + e2^2 + e3^2))`.
+    VonMises,
+}
+
+impl Invariant {
+    /// All there are.
+    pub const ALL: [Self; 5] = [Self::Major, Self::Minor, Self::Direction, Self::ShearMax, Self::VonMises];
+}
+
+impl TensorStrain {
+    /// Half the difference of exx and eyy, the shear, and the radius of Mohr's circle.
+    fn mohr(self) -> [f64; 3] {
+        let half = 0.5 * (self.xx - self.yy);
+        [half, self.xy, half.hypot(self.xy)]
+    }
+
+    /// One of its invariants.
+    ///
+    /// ```
+    /// # use quadrille_base as quadrille;
+    /// use quadrille::field::{Invariant, TensorStrain};
+    /// let pulled = TensorStrain { xx: 0.02, yy: -0.01, xy: 0.0 }; // without change of volume: e3 = -0.01
+    /// assert_eq!(pulled.invariant(Invariant::Major), 0.02);
+    /// assert!((pulled.invariant(Invariant::VonMises) - 0.02).abs() < 1e-15);
+    /// ```
+    pub fn invariant(self, which: Invariant) -> f64 {
+        let Self { xx, yy, xy } = self;
+        let [half, _, radius] = self.mohr();
+        let mean = 0.5 * (xx + yy);
+        match which {
+            Invariant::Major => mean + radius,
+            Invariant::Minor => mean - radius,
+            Invariant::Direction => 0.5 * xy.atan2(half).to_degrees(),
+            Invariant::ShearMax => radius,
+            Invariant::VonMises => (4.0 / 3.0 * (xx * xx + xx * yy + yy * yy + xy * xy)).sqrt(),
+        }
+    }
+
+    /// Derivatives of an invariant by exx, eyy and exy; not finite where it has none, as without strain.
+    pub(super) fn slopes_of(self, which: Invariant) -> [f64; 3] {
+        let Self { xx, yy, xy } = self;
+        let [half, shear, radius] = self.mohr();
+        // Alike in all directions, any axis is as good as another.
+        let [c, s] = if radius > 0.0 { [half / radius, shear / radius] } else { [1.0, 0.0] };
+        match which {
+            Invariant::Major => [0.5 * (1.0 + c), 0.5 * (1.0 - c), s],
+            Invariant::Minor => [0.5 * (1.0 - c), 0.5 * (1.0 + c), -s],
+            Invariant::Direction => [-0.25 * s, 0.25 * s, 0.5 * c].map(|slope| (slope / radius).to_degrees()),
+            Invariant::ShearMax => [0.5 * c, -0.5 * c, s],
+            Invariant::VonMises => {
+                let of = self.invariant(Invariant::VonMises);
+                [2.0 * xx + yy, 2.0 * yy + xx, 2.0 * xy].map(|slope| 2.0 / 3.0 * slope / of)
+            }
+        }
+    }
+}
+
+/// The rotation of the displacement gradient `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]`, that of its polar
+/// decomposition, degrees from x towards y (down).
+pub fn rotation_deg([[xx, xy], [yx, yy]]: [[f64; 2]; 2]) -> f64 {
+    (yx - xy).atan2(2.0 + xx + yy).to_degrees()
+}
+
+/// Derivatives of [`rotation_deg`] by the components of the gradient.
+pub(super) fn slopes_of_rotation([[xx, xy], [yx, yy]]: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
+    let (across, along) = (yx - xy, 2.0 + xx + yy);
+    let square = across * across + along * along;
+    let [by_along, by_across] = [-across / square, along / square].map(f64::to_degrees);
+    [[by_along, -by_across], [by_across, by_along]]
+}
+
 /// `sigma_exx l / sigma_ux` of an element far from the borders, 0.963: see [`element_strain_sigma`].
 pub const ELEMENT_NOISE: f64 = 0.963_433_044_002_285;
 
@@ -229,6 +311,54 @@ fn strain_sigma(factor: f64, [x, y]: [f64; 2], length: f64) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn invariants_are_those_of_the_eigenvalues_and_their_slopes_are_differences() {
+        // Turned by an angle from principal strains that are given: R diag(e1, e2) R^T.
+        for (e1, e2, angle) in [(0.02, -0.01, 30.0f64), (3e-4, 1e-4, -75.0), (-0.1, -0.3, 10.0)] {
+            let (s, c) = angle.to_radians().sin_cos();
+            let strain =
+                TensorStrain { xx: e1 * c * c + e2 * s * s, yy: e1 * s * s + e2 * c * c, xy: (e1 - e2) * s * c };
+            let e3: f64 = -e1 - e2;
+            let von_mises = (2.0 / 3.0 * (e1 * e1 + e2 * e2 + e3 * e3)).sqrt();
+            for (which, expected) in Invariant::ALL.into_iter().zip([e1, e2, angle, 0.5 * (e1 - e2), von_mises]) {
+                let at = |components: [f64; 3]| TensorStrain::of_components(components).invariant(which);
+                assert!((strain.invariant(which) - expected).abs() < 1e-12, "{which:?} of {e1}, {e2}");
+                for (k, slope) in strain.slopes_of(which).into_iter().enumerate() {
+                    let step = 1e-7;
+                    let [low, high] = [-step, step].map(|by| {
+                        let mut moved = strain.components();
+                        moved[k] += by;
+                        at(moved)
+                    });
+                    let difference = (high - low) / (2.0 * step);
+                    // The third derivative of a direction goes with the third power of the radius, 1e-4 at least.
+                    assert!((slope - difference).abs() < 1e-5 * (1.0 + slope.abs()), "{which:?} {k}: {slope}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_rotation_is_that_of_the_polar_decomposition() {
+        // F = R U with a stretch of its own axes.
+        for angle in [-100.0f64, -3.0, 0.0, 0.5, 45.0, 120.0] {
+            let (s, c) = angle.to_radians().sin_cos();
+            let stretch = [[1.1, 0.03], [0.03, 0.95]];
+            let f = [[c, -s], [s, c]].map(|row| [0, 1].map(|k| row[0] * stretch[0][k] + row[1] * stretch[1][k]));
+            let gradient = [[f[0][0] - 1.0, f[0][1]], [f[1][0], f[1][1] - 1.0]];
+            assert!((rotation_deg(gradient) - angle).abs() < 1e-12, "{angle}");
+            let slopes = slopes_of_rotation(gradient);
+            for i in 0..4 {
+                let [low, high] = [-1e-6, 1e-6].map(|by| {
+                    let mut moved = gradient;
+                    moved[i / 2][i % 2] += by;
+                    rotation_deg(moved)
+                });
+                assert!((slopes[i / 2][i % 2] - (high - low) / 2e-6).abs() < 1e-7, "{angle} {i}");
+            }
+        }
+    }
 
     /// Mean of `value(cos t)` over a period.
     fn mean(value: impl Fn(f64) -> f64) -> f64 {

@@ -1,7 +1,7 @@
 //! Strains on the elements and on the nodes of a measured field.
 
 use super::Measurement;
-use super::strain::{StrainDefinition, TensorStrain};
+use super::strain::{StrainDefinition, TensorStrain, rotation_deg};
 use super::strain_window::WindowStrains;
 use crate::mesh::{CORNERS, ElementGeometry, LocalMap, Mesh};
 use crate::units::Length;
@@ -70,6 +70,18 @@ impl StrainField {
         });
         Self { definition, nodes: nodes.collect(), elements, length_px: mesh.element_size(), window: None }
     }
+}
+
+/// The rotation at the centre of each element, degrees from x towards y; `None` where a node is not measured.
+pub fn rotations<U: Length>(measurement: &Measurement<U>) -> Vec<Option<f64>> {
+    let mesh = &measurement.mesh;
+    let of_element = |element: usize| {
+        let geometry = StrainElement::new(mesh, element);
+        let is_whole = geometry.nodes.iter().all(|&node| measurement.measured[node]);
+        let u = geometry.nodes.map(|node| measurement.displacement[node]);
+        is_whole.then(|| geometry.gradient_of(&u, [0.5; 2]).map(rotation_deg)).flatten()
+    };
+    (0..mesh.n_elements()).map(of_element).collect()
 }
 
 /// One element of a mesh as gradients are taken in it.

@@ -1,8 +1,9 @@
 //! Displacement and strain at points and along lines.
 
-use super::{NodalNoise, QuantityError, Reading, finite, positive};
+use super::{NodalNoise, QuantityError, Reading, Value, finite, positive};
+use crate::field::strain::slopes_of_rotation;
 use crate::field::strain_field::StrainElement;
-use crate::field::{Measurement, StrainDefinition, TensorStrain, WindowStrains};
+use crate::field::{Invariant, Measurement, StrainDefinition, TensorStrain, WindowStrains, rotation_deg};
 use crate::mesh::{Mesh, shape_functions};
 use crate::plane::distance;
 use crate::units::Length;
@@ -19,10 +20,15 @@ pub struct PointValues {
     pub sigma: [f64; 2],
     /// What it may be off beyond noise ([`ModelError`](crate::field::ModelError)); `None` where it is not known.
     pub model_error: Option<[f64; 2]>,
+    /// Length of the displacement.
+    pub magnitude: Value,
     /// The strain, and the standard uncertainty of exx, eyy and exy; `None` where no element with all nodes
     /// measured lies around a corner of the point's element, or where the field folds.
     pub strain: Option<(TensorStrain, [f64; 3])>,
-    /// The same over a window of nodes, interpolated between those of the element (its standard uncertainty as well:
+    /// Its invariants, in their order, and the rotation in degrees. Where the principal strains differ by less than
+    /// noise, `e1` is too large and `e2` too small by about as much.
+    pub invariants: Option<[Value; 6]>,
+    /// The same as `strain` over a window of nodes, interpolated between those of the element (its standard uncertainty as well:
     /// windows of neighbours share most of their noise); `None` where it is not known at one of them, or not asked for.
     pub window: Option<(TensorStrain, [f64; 3])>,
     /// What exx, eyy and exy over the window may be off beyond noise, interpolated likewise (THEORY 20).
@@ -85,10 +91,19 @@ pub fn at_point<U: Length>(
         Reading::new(value.iter().map(|&(node, w)| (node, along(w)))).read(field, noise)
     });
     let (x, y) = (x?, y?);
-    let strain = gradient_weights(mesh, noise, &weights).and_then(|by| strain_of(field, noise, definition, &by));
     let (displacement, sigma) = ([x.value, y.value], [x.sigma, y.sigma]);
+    // Of no displacement the direction does not matter.
+    let length = x.value.hypot(y.value);
+    let [c, s] = if length > 0.0 { displacement.map(|u| u / length) } else { [1.0, 0.0] };
+    let along = Reading::new(value.iter().map(|&(node, w)| (node, [c * w, s * w])));
+    let magnitude = Value { value: length, sigma: noise.sigma(along.weights(), &field.sigma) };
+    let (strain, invariants) = gradient_weights(mesh, noise, &weights)
+        .and_then(|by| strain_of(field, noise, definition, &by))
+        .map(|(strain, sigma, invariants)| ((strain, sigma), invariants))
+        .unzip();
     let model_error = model_error_at(field, noise, at, &weights);
-    Some(PointValues { displacement, sigma, model_error, strain, window: None, window_model_error: None })
+    let (window, window_model_error) = (None, None);
+    Some(PointValues { displacement, sigma, model_error, magnitude, strain, invariants, window, window_model_error })
 }
 
 /// What the displacement at a point may be off beyond noise: what its element does not follow, and where it is read from
@@ -141,13 +156,13 @@ fn gradient_weights<U: Length>(
     Some(sum)
 }
 
-/// The strain of the gradient with these weights, and its standard uncertainty to first order.
+/// The strain of the gradient with these weights, and its invariants with the rotation; uncertainties to first order.
 fn strain_of<U: Length>(
     field: &Measurement<U>,
     noise: &NodalNoise,
     definition: StrainDefinition,
     by: &[(usize, [f64; 2])],
-) -> Option<(TensorStrain, [f64; 3])> {
+) -> Option<(TensorStrain, [f64; 3], [Value; 6])> {
     let mut gradient = [[0.0; 2]; 2];
     for &(node, d) in by {
         for c in 0..2 {
@@ -158,11 +173,18 @@ fn strain_of<U: Length>(
     }
     let strain = definition.of_gradient(gradient)?;
     let slopes = definition.slopes(gradient)?;
-    let sigma = slopes.map(|slope| {
+    let sigma_of = |slope: [[f64; 2]; 2]| {
         let weights = by.iter().map(|&(node, d)| (node, [0, 1].map(|c| slope[c][0] * d[0] + slope[c][1] * d[1])));
         noise.sigma(Reading::new(weights).weights(), &field.sigma)
-    });
-    Some((strain, sigma))
+    };
+    let invariant = |which: Invariant| {
+        let by_strain = strain.slopes_of(which);
+        let by_gradient = [0, 1].map(|c| [0, 1].map(|k| (0..3).map(|e| by_strain[e] * slopes[e][c][k]).sum::<f64>()));
+        Value { value: strain.invariant(which), sigma: sigma_of(by_gradient) }
+    };
+    let [major, minor, direction, shear, von_mises] = Invariant::ALL.map(invariant);
+    let rotation = Value { value: rotation_deg(gradient), sigma: sigma_of(slopes_of_rotation(gradient)) };
+    Some((strain, slopes.map(sigma_of), [major, minor, direction, shear, von_mises, rotation]))
 }
 
 /// A straight line with points at equal distances.
