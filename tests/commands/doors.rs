@@ -120,17 +120,19 @@ fn the_raw_mosaic_of_a_colour_camera_is_named_where_no_texture_is_found() {
 #[test]
 fn a_video_is_named_with_what_takes_it_apart_and_beside_images_it_is_left_out() {
     let desk = Desk::with_series();
-    let avi = [&b"RIFF\x10\0\0\0AVI LIST"[..], &[0; 100]].concat();
-    desk.write("test.avi", &avi);
-    desk.write("film", &avi);
-    for line in ["test.avi", "ref.png test.avi", "--reference ref.png film", "film a.png b.png"] {
-        let ran = desk.correlate(&format!("{INSIDE} --output out {line}"));
-        assert!(ran.code != Some(0) && ran.stderr.contains("this is a video (AVI), not an image"), "{ran}");
+    let video = [&b"\0\0\0\x20ftypisom"[..], &[0; 100]].concat();
+    desk.write("test.mp4", &video);
+    desk.write("film", &video);
+    let empty = desk.path("empty").display().to_string();
+    for line in ["test.mp4", "ref.png test.mp4", "--reference ref.png film", "film a.png b.png"] {
+        let line = format!("correlate {INSIDE} --output out {line}");
+        let ran = desk.run_with(&[("PATH", &empty)], &words(&line));
+        assert!(ran.code != Some(0) && ran.stderr.contains("this is a video (MP4 or MOV), not an image"), "{ran}");
         assert!(ran.stderr.contains("ffmpeg -i "), "{ran}");
         let _ = std::fs::remove_dir_all(desk.path("out"));
     }
-    let ran = desk.correlate(&format!("{INSIDE} --output out ref.png a.png test.avi")).fine();
-    assert!(ran.stderr.contains("test.avi (a video (AVI)) is not an image and is left out"), "{ran}");
+    let ran = desk.correlate(&format!("{INSIDE} --output out ref.png a.png test.mp4")).fine();
+    assert!(ran.stderr.contains("test.mp4 (a video (MP4 or MOV)) is not an image and is left out"), "{ran}");
     desk.write("a.npy", b"\x93NUMPY\x01\0v\0{'descr'");
     let ran = desk.correlate("--output two a.npy b.png");
     assert!(ran.stderr.contains("a.npy (an array of NumPy (npy)) is not an image") || ran.code == Some(2), "{ran}");

@@ -1,5 +1,6 @@
 //! Image files: read in their native depth, written as TIFF or PNG.
 
+mod film;
 mod foreign;
 pub(super) mod raw;
 pub(super) mod upright;
@@ -9,15 +10,17 @@ pub use foreign::Foreign;
 pub use raw::Accepted;
 pub use write::{WriteError, png_bytes, write_image};
 
-use super::tiff as tiff_pages;
+use super::tiff::{self as tiff_pages, Bytes, LargeFile};
 pub use crate::digest::sha256_hex as sha256;
-use crate::imaging::{Image, ImageError, Pixels};
-use crate::text::read_regular;
+use crate::imaging::{Image, ImageError, Levels, Pixels};
+use crate::text::{check_regular, read_regular};
+use film::Film;
 use image::codecs::pnm::{PnmDecoder, PnmSubtype};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use raw::{Channels, ImageFault, Raw, check_size};
-use std::io::{self, Cursor, ErrorKind};
+use std::io::{self, Cursor, ErrorKind, Read};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use thiserror::Error;
 use upright::Orientation;
 
@@ -28,7 +31,7 @@ pub struct Loaded {
     pub image: Image,
     /// What a user should know: colours made grey, more pages, an ignored alpha channel. Often empty.
     pub notes: Vec<String>,
-    /// SHA-256 of the file, in hexadecimal.
+    /// SHA-256 of the file, in hexadecimal; of a video or a stack too large to be read as a whole, that of the grey levels.
     pub sha256: String,
     /// Number of pages in the file.
     pub pages: usize,
@@ -36,6 +39,8 @@ pub struct Loaded {
     pub white: f32,
     /// When it was taken by the camera's clock, `2024-05-01T10:11:12.25`, where the file says so (EXIF, TIFF page).
     pub taken: Option<String>,
+    /// Seconds since the first frame of its video, where that says so.
+    pub time_s: Option<f64>,
 }
 
 /// Why a file gives no image.
@@ -68,6 +73,9 @@ pub enum ReadError {
     /// The content is something else that is known: what it is, and what makes images of it.
     #[error("{}: this is {}, not an image; {}", .0.display(), .1, .2)]
     Foreign(PathBuf, &'static str, String),
+    /// A video whose frames cannot be read: what it is, why, and what makes images of it.
+    #[error("{}: this is {}, not an image, and no frame of it can be read: {}; {}", .0.display(), .1, .2, .3)]
+    Film(PathBuf, &'static str, String, String),
     /// The file, of this format, ends before the image does: what is missing.
     #[error("{}: the {} file is cut off: {}; copy it again from where it was recorded", .0.display(), .1, .2)]
     Truncated(PathBuf, &'static str, String),
@@ -187,26 +195,54 @@ pub fn read_accepted(path: &Path, page: usize, accepted: Accepted) -> Result<Loa
     PagedFile::open(path)?.read_one(page, accepted)
 }
 
-/// An image file in memory, from which pages are decoded one by one without reading it again.
+/// Above so many bytes a TIFF file of several pages is not read as a whole.
+const LARGE: u64 = 64 << 20;
+
+/// An image file, from which pages are decoded one by one without opening it again.
 #[derive(Debug)]
 pub struct PagedFile {
     path: PathBuf,
-    bytes: Vec<u8>,
+    content: Content,
     format: Format,
     /// Once found.
-    pages: Option<tiff_pages::PageList>,
+    pages: Option<Arc<tiff_pages::PageList>>,
     /// Once computed.
     sha256: Option<String>,
 }
 
+#[derive(Debug)]
+enum Content {
+    Whole(Vec<u8>),
+    /// A TIFF file of which a page at a time is read.
+    Large(LargeFile),
+    Film(Film),
+}
+
 impl PagedFile {
-    /// Reads the file `path`. Nothing is decoded yet.
+    /// Opens the file `path`; a large stack or a video is not read as a whole. Nothing is decoded yet.
     ///
     /// # Errors
     /// A file that cannot be read, is empty, or holds no image of a known format.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        let bytes = read_regular(path).map_err(|reason| unreadable(path, reason))?;
-        Self::of(path.to_owned(), bytes)
+        let fault = |reason| unreadable(path, reason);
+        check_regular(path).map_err(fault)?;
+        let file = LargeFile::open(path).map_err(fault)?;
+        let head = file.piece(0, file.len().min(16)).unwrap_or_default().into_owned();
+        if tiff_pages::is_tiff(&head) && file.len() as u64 > LARGE {
+            let mut large = Self::with(path.to_owned(), Content::Large(file), Format::Tiff);
+            large.images()?;
+            if large.pages.as_ref().is_some_and(|pages| pages.len() > 1) {
+                return Ok(large);
+            }
+        } else if let Some(foreign) = Foreign::of(path, &head).filter(|foreign| foreign.is_film()) {
+            let film = Film::open(path, file, foreign)?;
+            return Ok(Self::with(path.to_owned(), Content::Film(film), Format::Film));
+        }
+        Self::of(path.to_owned(), read_regular(path).map_err(fault)?)
+    }
+
+    fn with(path: PathBuf, content: Content, format: Format) -> Self {
+        Self { path, content, format, pages: None, sha256: None }
     }
 
     /// The same with the content of the file at hand; `path` stands in messages.
@@ -217,19 +253,38 @@ impl PagedFile {
         if bytes.is_empty() {
             return Err(ReadError::Empty(path));
         }
+        if let Some(film) = Film::of(&path, &bytes) {
+            let film = film.map_err(|problem| named(problem, &path, Format::Film.name(), 0))?;
+            return Ok(Self::with(path, Content::Film(film), Format::Film));
+        }
         let format = Format::of(&bytes, &path)?;
-        Ok(Self { path, bytes, format, pages: None, sha256: None })
+        Ok(Self::with(path, Content::Whole(bytes), format))
     }
 
-    /// The pages that are images of their own (no thumbnails), from 0. A file that is no TIFF has one.
+    /// The pages that are images of their own (no thumbnails), or the frames of a video, from 0. Other files have one.
     ///
     /// # Errors
-    /// A TIFF file whose list of pages is damaged.
+    /// A TIFF file whose list of pages is damaged, or cannot be read to its end.
     pub fn images(&mut self) -> Result<Vec<usize>, ReadError> {
-        match self.page_list() {
-            Ok(Some(list)) => Ok(list.images(&self.bytes)),
-            Ok(None) => Ok(vec![0]),
-            Err(problem) => Err(named(problem, &self.path, self.format.name(), 0)),
+        let images = self.page_list().map(|list| match (list, &self.content) {
+            (Some(list), Content::Whole(bytes)) => list.images(bytes.as_slice()),
+            (Some(list), Content::Large(file)) => list.images(file),
+            (_, Content::Film(film)) => (0..film.len()).collect(),
+            (None, _) => vec![0],
+        });
+        self.checked(images, 0)
+    }
+
+    /// What was read, unless the disk has refused a part of it.
+    fn checked<T>(&mut self, read: Result<T, ImageFault>, page: usize) -> Result<T, ReadError> {
+        let refused = match &mut self.content {
+            Content::Large(file) => file.take_error(),
+            Content::Film(film) => film.take_error(),
+            Content::Whole(_) => None,
+        };
+        match refused {
+            Some(reason) => Err(ReadError::Io(self.path.clone(), reason)),
+            None => read.map_err(|problem| named(problem, &self.path, self.format.name(), page)),
         }
     }
 
@@ -238,15 +293,27 @@ impl PagedFile {
     /// # Errors
     /// As [`read_image`].
     pub fn read(&mut self, page: usize, accepted: Accepted) -> Result<Loaded, ReadError> {
-        let (mut raw, pages) =
-            self.decode(page, accepted).map_err(|problem| named(problem, &self.path, self.format.name(), page))?;
+        let decoded = self.decode(page, accepted);
+        let (mut raw, pages) = self.checked(decoded, page)?;
         let pixels = raw.channels.grey(raw.pixels, &mut raw.notes);
         let ([width, height], pixels) = raw.orientation.upright([raw.width, raw.height], pixels);
         raw.notes.extend(raw.orientation.note());
         let image = Image::new(width, height, pixels)
             .map_err(|reason| ReadError::GreyLevels { path: self.path.clone(), reason })?;
-        let sha256 = self.sha256.get_or_insert_with(|| sha256(&self.bytes)).clone();
-        Ok(Loaded { image, notes: raw.notes, sha256, pages, white: raw.white, taken: raw.taken })
+        let sha256 = self.sha256.clone().unwrap_or_else(|| sha256_of(&image));
+        let time_s = if let Content::Film(film) = &self.content { film.time_s(page) } else { None };
+        Ok(Loaded { image, notes: raw.notes, sha256, pages, white: raw.white, taken: raw.taken, time_s })
+    }
+
+    /// [`Loaded::sha256`] of the page `page`, which is not decoded where the file is hashed as a whole.
+    ///
+    /// # Errors
+    /// As [`PagedFile::read`].
+    pub fn sha256(&mut self, page: usize) -> Result<String, ReadError> {
+        match &self.content {
+            Content::Whole(bytes) => Ok(sha256(bytes)),
+            _ => self.read(page, Accepted::ANY).map(|loaded| loaded.sha256),
+        }
     }
 
     /// As [`PagedFile::read`], where no other page is wanted: the notes say how many there are.
@@ -259,36 +326,58 @@ impl PagedFile {
         Ok(loaded)
     }
 
-    fn page_list(&mut self) -> Result<Option<tiff_pages::PageList>, ImageFault> {
+    fn page_list(&mut self) -> Result<Option<Arc<tiff_pages::PageList>>, ImageFault> {
         if self.pages.is_none() && matches!(self.format, Format::Tiff) {
-            self.pages = Some(tiff_pages::PageList::of(&self.bytes)?);
+            self.pages = match &self.content {
+                Content::Whole(bytes) => Some(Arc::new(tiff_pages::PageList::of(bytes.as_slice())?)),
+                Content::Large(file) => Some(Arc::new(tiff_pages::PageList::of(file)?)),
+                Content::Film(_) => None,
+            };
         }
         Ok(self.pages.clone())
     }
 
     fn decode(&mut self, page: usize, accepted: Accepted) -> Result<(Raw, usize), ImageFault> {
-        // Decoding a TIFF page edits the bytes for a while: their hash is that of the file.
-        self.sha256.get_or_insert_with(|| sha256(&self.bytes));
-        match (self.page_list()?, self.format) {
-            (Some(list), _) => Ok((list.decode(&mut self.bytes, page, accepted)?, list.len())),
-            (None, Format::Other(format)) if page == 0 => Ok((decode(&self.bytes, format, accepted)?, 1)),
+        let list = self.page_list()?;
+        if let Content::Whole(bytes) = &self.content {
+            // Decoding a TIFF page edits the bytes for a while: their hash is that of the file.
+            self.sha256.get_or_insert_with(|| sha256(bytes));
+        }
+        match (&mut self.content, list, self.format) {
+            (Content::Film(film), ..) => Ok((film.decode(page, accepted)?, film.len())),
+            (Content::Whole(bytes), Some(list), _) => {
+                Ok((list.decode(bytes.as_mut_slice(), page, accepted)?, list.len()))
+            }
+            (Content::Large(file), Some(list), _) => Ok((list.decode(file, page, accepted)?, list.len())),
+            (Content::Whole(bytes), None, Format::Other(format)) if page == 0 => {
+                Ok((decode(bytes, format, accepted)?, 1))
+            }
             _ => Err(ImageFault::NoSuchPage { pages: 1 }),
         }
     }
 }
 
-/// Pages of `path` that are images of their own; the first of what is no TIFF file or cannot be opened.
+/// SHA-256 of the grey levels of an image, rows from the top, little endian.
+fn sha256_of(image: &Image) -> String {
+    match image.pixels() {
+        Levels::U8(levels) => sha256(levels),
+        Levels::U16(levels) => sha256(&levels.iter().flat_map(|level| level.to_le_bytes()).collect::<Vec<_>>()),
+        Levels::F32(levels) => sha256(&levels.iter().flat_map(|level| level.to_le_bytes()).collect::<Vec<_>>()),
+    }
+}
+
+/// Pages of `path` that are images of their own, or frames of a video; the first of what has no pages or cannot be
+/// opened.
 ///
 /// # Errors
-/// A TIFF file that cannot be read, or whose list of pages is damaged: how many frames it is nobody knows.
+/// A stack or video that cannot be read, or whose list of pages is damaged: how many frames it is nobody knows.
 pub fn pages_of(path: &Path) -> Result<Vec<usize>, ReadError> {
-    let mut head = [0; 4];
-    let tiff = path.is_file()
-        && std::fs::File::open(path).is_ok_and(|mut file| {
-            use std::io::Read;
-            file.read_exact(&mut head).is_ok() && tiff_pages::is_tiff(&head)
-        });
-    if tiff { PagedFile::open(path)?.images() } else { Ok(vec![0]) }
+    let mut head = Vec::new();
+    let read = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut head));
+    let is_stack = path.is_file()
+        && read.is_ok()
+        && (tiff_pages::is_tiff(&head) || Foreign::of(path, &head).is_some_and(Foreign::is_film));
+    if is_stack { PagedFile::open(path)?.images() } else { Ok(vec![0]) }
 }
 
 fn unreadable(path: &Path, reason: io::Error) -> ReadError {
@@ -320,6 +409,7 @@ fn named(problem: ImageFault, path: &Path, format: &'static str, page: usize) ->
 #[derive(Debug, Clone, Copy)]
 enum Format {
     Tiff,
+    Film,
     Other(ImageFormat),
 }
 
@@ -350,6 +440,7 @@ impl Format {
     fn name(self) -> &'static str {
         match self {
             Format::Tiff => "TIFF",
+            Format::Film => "video",
             Format::Other(ImageFormat::Png) => "PNG",
             Format::Other(ImageFormat::Bmp) => "BMP",
             Format::Other(ImageFormat::Jpeg) => "JPEG",

@@ -68,6 +68,7 @@ pub(crate) struct Picture {
     pub image: Arc<Image>,
     pub sha256: String,
     pub taken: Option<String>,
+    pub time_s: Option<f64>,
     pub notes: Vec<String>,
     /// With the generation of its correlator.
     pub uploaded: Option<(usize, Uploaded)>,

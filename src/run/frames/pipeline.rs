@@ -170,10 +170,11 @@ fn decode(
         let saturation = loaded.as_ref().ok().and_then(|loaded| Saturation::of(&loaded.image, frames.windows));
         let flat = loaded.as_ref().ok().map(|loaded| FlatBlocks::of(&loaded.image));
         let blank = flat.and_then(|flat| flat.blank(frames.flat, frames.windows));
-        let loaded = loaded.map(|Loaded { image, sha256, taken, notes, .. }| Picture {
+        let loaded = loaded.map(|Loaded { image, sha256, taken, time_s, notes, .. }| Picture {
             image: Arc::new(image),
             sha256,
             taken,
+            time_s,
             notes,
             uploaded: None,
         });

@@ -249,7 +249,7 @@ fn one_frame<'a>(
             return Ok((Done::unreadable(None, summary), without_field(turn)?));
         }
     };
-    let (sha256, taken) = (Some(picture.sha256.clone()), picture.taken.take());
+    let (sha256, taken, time_s) = (Some(picture.sha256.clone()), picture.taken.take(), picture.time_s);
     let mut remarks: Vec<Remark> = of_image(number, &picture.notes).into_iter().collect();
     let correlated = match (worker, &turn) {
         (Worker::Tracking(_, own), Some(turn)) => track(engine, (pool, own.as_ref()), frames, turn, number, picture)
@@ -273,6 +273,7 @@ fn one_frame<'a>(
             let mut summary = FrameSummary::of(number, file, remarks, &correlator, &result, [seconds, seconds_decode]);
             let device = correlator.device();
             summary.taken = taken;
+            summary.time_s = time_s;
             summary.device = (device != engine.first_device()).then(|| device.to_owned());
             let summary = summary.with_saturation(saturation).with_blank(blank);
             let start = result.next_start();

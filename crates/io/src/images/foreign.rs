@@ -82,11 +82,21 @@ impl Foreign {
         Self::of(path, &head)
     }
 
+    /// Whether the file `path` is a video or the film of a camera.
+    pub fn is_film_at(path: &Path) -> bool {
+        Self::at(path).is_some_and(Self::is_film)
+    }
+
+    /// Whether frames may be read from it.
+    pub(crate) fn is_film(self) -> bool {
+        matches!(self.kind, Kind::Video | Kind::Camera)
+    }
+
     /// What makes images of it.
     pub fn remedy(self, path: &Path) -> String {
         match self.kind {
             Kind::Video => format!(
-                "take it apart first, for example: ffmpeg -i {} -pix_fmt gray frame_%05d.png",
+                "install ffmpeg, or take it apart first, for example: ffmpeg -i {} -pix_fmt gray frame_%05d.png",
                 crate::text::shell_word(&path.display().to_string())
             ),
             Kind::Camera => "save its frames as TIFF with the program of the camera".to_owned(),

@@ -39,7 +39,7 @@ fn whole<T: Copy + TryInto<u16> + TryInto<i128>>(samples: &[T], kind: &str, note
 }
 
 /// Numbers of `bits` < 16 bits, most significant bit first, each row from a new byte.
-pub(super) fn split_bits(rows: &[u8], width: usize, height: usize, bits: usize) -> Result<Pixels, ImageFault> {
+pub(crate) fn split_bits(rows: &[u8], width: usize, height: usize, bits: usize) -> Result<Pixels, ImageFault> {
     let stride = (width * bits).div_ceil(8);
     if rows.len() != stride * height {
         return Err(ImageFault::Corrupt(format!("{} bytes where {} are needed", rows.len(), stride * height)));
