@@ -139,6 +139,24 @@ fn a_video_is_named_with_what_takes_it_apart_and_beside_images_it_is_left_out() 
 }
 
 #[test]
+fn images_of_another_size_are_counted_and_a_reference_that_is_alone_is_named() {
+    let desk = Desk::with_series();
+    let small = Image::new(64, 48, Pixels::U8(vec![7; 64 * 48])).unwrap();
+    desk.image("small.png", &small);
+    desk.correlate(&format!("{INSIDE} --output out ref.png a.png small.png b.png")).incomplete();
+    let said = &desk.remarks("out", Code::FramesOfOtherSize)[0];
+    assert!(said.text.contains("frame 2 is 64 x 48 px; the other 2 are 128 x 96 px"), "{said:?}");
+    assert_eq!(desk.json("out/summary.json")["frames"][1]["size_px"], serde_json::json!([64, 48]));
+    let from = moved([0.0, 0.0]);
+    let wide = (0..144 * HEIGHT).map(|k| from.grey(k % 144 % WIDTH, k / 144) as u8).collect();
+    let odd = Image::new(144, HEIGHT, Pixels::U8(wide)).unwrap();
+    desk.image("odd.png", &odd);
+    desk.correlate(&format!("{INSIDE} --output two --reference odd.png a.png b.png")).incomplete();
+    let said = &desk.remarks("two", Code::FramesOfOtherSize)[0];
+    assert!(said.text.contains("all 2 frames are 128 x 96 px, and the reference alone is 144 x 96 px"), "{said:?}");
+}
+
+#[test]
 fn a_folder_stands_for_its_images_and_capital_letters_are_told() {
     let desk = desk_with(&["s/1.png", "s/2.png", "s/10.png"]);
     desk.write("s/notes.txt", "dry run");

@@ -311,7 +311,7 @@ impl PagedFile {
     /// As [`PagedFile::read`].
     pub fn sha256(&mut self, page: usize) -> Result<String, ReadError> {
         match &self.content {
-            Content::Whole(bytes) => Ok(sha256(bytes)),
+            Content::Whole(bytes) => Ok(self.sha256.get_or_insert_with(|| sha256(bytes)).clone()),
             _ => self.read(page, Accepted::ANY).map(|loaded| loaded.sha256),
         }
     }

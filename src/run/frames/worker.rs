@@ -3,6 +3,7 @@
 
 use crate::correlate::{Correlate, Correlation, Overlap, ReferenceChain, Start, UpdateRefused};
 use crate::field::{StartFrom, UpdateReference};
+use crate::io::images::ReadError;
 use crate::io::series::Frame;
 use crate::remark::Remark;
 use crate::report::summary::FrameSummary;
@@ -245,7 +246,10 @@ fn one_frame<'a>(
     let mut picture = match loaded {
         Ok(picture) => picture,
         Err(error) => {
-            let summary = FrameSummary::unreadable(number, file, chain(&error), seconds_decode);
+            let mut summary = FrameSummary::unreadable(number, file, chain(&error), seconds_decode);
+            if let ReadError::OtherSize { width, height, .. } = error {
+                summary.size_px = Some([width, height]);
+            }
             return Ok((Done::unreadable(None, summary), without_field(turn)?));
         }
     };

@@ -97,7 +97,7 @@ pub fn import_fields(import: &Import, output: &Path, overwrite: bool) -> Result<
         .for_each(|(node, &place)| node_at.iter_mut().skip(place).take(1).for_each(|at| *at = Some(node)));
     let (mut number, mut n_empty, mut n_invalid) = (0, 0, 0);
     let again = if kept.is_empty() { import.files.as_slice() } else { &[] };
-    let again = again.iter().map(|file| Ok(read_points(file, &import.options)?));
+    let again = again.iter().map(|file| read_points(file, &import.options).map_err(RunError::from));
     for frames in std::iter::once(Ok(kept)).chain(again) {
         for frame in frames? {
             number += 1;
