@@ -19,7 +19,7 @@ pub(super) use taken::taken_of_exif;
 use super::images::raw::{Accepted, Channels, ImageFault, Raw, check_size};
 use super::images::upright::Orientation;
 use crate::imaging::Pixels;
-use samples::{apply_map, invert, native, stretch};
+use samples::{apply_map, invert, native, of_inks, stretch};
 use std::collections::HashSet;
 use std::io::{Cursor, ErrorKind};
 use tiff::decoder::{Decoder, DecodingResult, Limits};
@@ -419,12 +419,19 @@ impl Directory {
         if photometric == 0 {
             invert(&mut pixels, if stored.packed() { (1 << bits) - 1 } else { u16::MAX });
         }
-        let channels = Channels { n: samples, colour: photometric == 2, planar: stored.planar };
+        let channels = match photometric {
+            5 => Channels { n: 3, colour: true, planar: false },
+            _ => Channels { n: samples, colour: photometric == 2, planar: stored.planar },
+        };
         if photometric == 3 {
             let index = channels.first(pixels);
             let map = self.colour_map(bytes)?;
             let (pixels, white) = apply_map(index, &map, bits, &mut notes)?;
             return Ok(Raw { width, height, channels: Channels::GREY, pixels, white, notes, taken: None, orientation });
+        }
+        if photometric == 5 {
+            pixels = of_inks(pixels);
+            notes.push("inks (CMYK) become red, green and blue".into());
         }
         if photometric == 6 {
             notes.push("Y Cb Cr colours: the grey levels are Y".into());
@@ -459,11 +466,14 @@ impl Directory {
             32773 => 64,
             8 | 32946 => 1100,
             5 | 7 => 4096,
+            50000 => 32768,
             other => return unsupported(format!("compression {other}{}", compression_name(other))),
         };
         match photometric {
             0 | 1 | 3 => {}
             2 if samples >= 3 => {}
+            5 if samples == 4 && matches!(bits, 8 | 16) && compression != 7 && self.value(bytes, PLANAR) != Some(2) => {
+            }
             6 if compression == 7 => {} // Y of Y Cb Cr is the grey level
             other => return unsupported(format!("photometric interpretation {other}{}", photometric_name(other))),
         }
@@ -620,7 +630,6 @@ fn compression_name(code: u64) -> &'static str {
         34713 => " (raw file of a Nikon camera)",
         34887 => " (LERC)",
         34925 => " (LZMA)",
-        50000 => " (Zstandard)",
         50001 => " (WebP)",
         50002 | 52546 => " (JPEG XL)",
         _ => "",
@@ -631,7 +640,7 @@ fn photometric_name(code: u64) -> &'static str {
     match code {
         2 => " (RGB with fewer than three channels)",
         4 => " (mask)",
-        5 => " (CMYK)",
+        5 => " (CMYK packed as JPEG, or in planes)",
         6 => " (Y Cb Cr without JPEG)",
         8..=10 => " (Lab)",
         34892 => " (linear raw)",

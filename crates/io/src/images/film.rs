@@ -64,7 +64,7 @@ impl Film {
         let unreadable = |why: String| ReadError::Film(path.to_owned(), foreign.what, why, foreign.remedy(path));
         match Recorded::of(path, Box::new(file)) {
             Ok(recorded) => Ok(Self::Recorded(recorded)),
-            Err(ImageFault::Unsupported(what)) => match Ffmpeg::open(path).map_err(unreadable)? {
+            Err(ImageFault::Unsupported(what)) => match Ffmpeg::open(path, foreign.has_index()).map_err(unreadable)? {
                 Some(ffmpeg) => Ok(Self::Piped(ffmpeg)),
                 None => Err(unreadable(format!("{what}, for which ffmpeg is needed, and it is not installed"))),
             },

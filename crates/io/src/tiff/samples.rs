@@ -71,6 +71,21 @@ pub(super) fn invert(pixels: &mut Pixels, highest: u16) {
     }
 }
 
+/// Red, green and blue of cyan, magenta, yellow and black, each of which takes light away.
+pub(super) fn of_inks(pixels: Pixels) -> Pixels {
+    match pixels {
+        Pixels::U8(inks) => {
+            let left = |ink: u8, black: u8| (u16::from(255 - ink) * u16::from(255 - black) / 255) as u8;
+            Pixels::U8(inks.as_chunks().0.iter().flat_map(|&[c, m, y, k]| [c, m, y].map(|ink| left(ink, k))).collect())
+        }
+        Pixels::U16(inks) => {
+            let left = |ink: u16, black: u16| (u32::from(65535 - ink) * u32::from(65535 - black) / 65535) as u16;
+            Pixels::U16(inks.as_chunks().0.iter().flat_map(|&[c, m, y, k]| [c, m, y].map(|ink| left(ink, k))).collect())
+        }
+        floats => floats,
+    }
+}
+
 /// Spreads fewer than 8 bits over 0..255, as PNG readers do.
 pub(super) fn stretch(pixels: &mut Pixels, bits: usize) {
     if let Pixels::U8(levels) = pixels {

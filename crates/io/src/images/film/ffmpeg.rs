@@ -17,6 +17,8 @@ pub(in crate::images) struct Ffmpeg {
     times_s: Vec<f64>,
     /// Whether levels have more than 8 bits.
     is_deep: bool,
+    /// Whether the file has an index: streams without one are searched inexactly.
+    has_index: bool,
     /// The option with which frames are neither doubled nor dropped to keep a rate: its name has changed with version 5.
     every_frame: [&'static str; 2],
     running: Option<Running>,
@@ -39,7 +41,7 @@ impl Drop for Running {
 
 impl Ffmpeg {
     /// Lists the frames of the video `path`; `None` where there is no such program.
-    pub fn open(path: &Path) -> Result<Option<Self>, String> {
+    pub fn open(path: &Path, has_index: bool) -> Result<Option<Self>, String> {
         let mut command = command(path, None);
         // Nothing is decoded: packets with their times, and a checksum that nobody needs.
         let output = match command.args(["-map", "0:v:0", "-c", "copy", "-f", "framecrc", "-"]).output() {
@@ -57,7 +59,7 @@ impl Ffmpeg {
             said.lines().next().is_some_and(|line| (1..5).any(|n| line.contains(&format!("ffmpeg version {n}."))));
         let every_frame = if is_old { ["-vsync", "0"] } else { ["-fps_mode", "passthrough"] };
         let is_deep = said.lines().find(|line| line.contains("Video:")).is_some_and(is_deep);
-        Ok(Some(Self { path: path.to_owned(), times_s, is_deep, every_frame, running: None }))
+        Ok(Some(Self { path: path.to_owned(), times_s, is_deep, has_index, every_frame, running: None }))
     }
 
     pub fn len(&self) -> usize {
@@ -69,10 +71,11 @@ impl Ffmpeg {
     }
 
     pub fn decode(&mut self, page: usize, accepted: Accepted) -> Result<Raw, ImageFault> {
-        let is_near = |running: &Running| (running.next..=running.next + NEAR).contains(&page);
+        let near = if self.has_index { NEAR } else { usize::MAX / 2 };
+        let is_near = |running: &Running| (running.next..=running.next + near).contains(&page);
         let mut running = match self.running.take().filter(is_near) {
             Some(running) => running,
-            None => self.start(page)?,
+            None => self.start(if self.has_index { page } else { 0 })?,
         };
         loop {
             let image = next_image(&mut running.pipe, accepted)?.ok_or_else(|| {
