@@ -304,6 +304,7 @@ impl<'a> PreparedSeries<'a> {
             settle: camera.as_ref().map(Camera::settle),
             accepted: plan.accepted.of_size(self.reference.width(), self.reference.height()),
             windows: &windows,
+            range: self.reference.range(),
             flat: &flat,
             start: plan.options.start,
             update: plan.update,
