@@ -6,9 +6,10 @@ mod cine;
 mod ffmpeg;
 mod mraw;
 
+use super::foreign::Foreign;
+use super::packed::decode;
 use super::raw::{Accepted, Channels, ImageFault, Raw, check_size};
 use super::upright::Orientation;
-use super::{Foreign, ReadError, decode, named};
 use crate::imaging::Pixels;
 use crate::tiff::{Bytes, LargeFile, split_bits};
 use ffmpeg::Ffmpeg;
@@ -60,15 +61,15 @@ struct Rows {
 
 impl Film {
     /// Opens the video `path` in `file`, which `foreign` says it is.
-    pub fn open(path: &Path, file: LargeFile, foreign: Foreign) -> Result<Self, ReadError> {
-        let unreadable = |why: String| ReadError::Film(path.to_owned(), foreign.what, why, foreign.remedy(path));
+    pub fn open(path: &Path, file: LargeFile, foreign: Foreign) -> Result<Self, ImageFault> {
+        let unreadable = |why: String| ImageFault::Film(foreign.what, why, foreign.remedy(path));
         match Recorded::of(path, Box::new(file)) {
             Ok(recorded) => Ok(Self::Recorded(recorded)),
             Err(ImageFault::Unsupported(what)) => match Ffmpeg::open(path, foreign.has_index()).map_err(unreadable)? {
                 Some(ffmpeg) => Ok(Self::Piped(ffmpeg)),
                 None => Err(unreadable(format!("{what}, for which ffmpeg is needed, and it is not installed"))),
             },
-            Err(fault) => Err(named(fault, path, "video", 0)),
+            Err(fault) => Err(fault),
         }
     }
 

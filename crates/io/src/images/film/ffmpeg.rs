@@ -1,7 +1,9 @@
 //! Videos of every other kind, by the program ffmpeg: it lists the frames with their times, and sends them through a
 //! pipe as PGM images.
 
-use super::{Accepted, ImageFault, ImageFormat, Raw, check_size, decode};
+use crate::images::packed::decode;
+use crate::images::raw::{Accepted, ImageFault, Raw, check_size};
+use image::ImageFormat;
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::{Path, PathBuf};
