@@ -13,7 +13,7 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 const NEAR: usize = 100;
 
 #[derive(Debug)]
-pub(in crate::images) struct Ffmpeg {
+pub(crate) struct Ffmpeg {
     path: PathBuf,
     /// Of each frame, as they are shown.
     times_s: Vec<f64>,
