@@ -126,6 +126,12 @@ pub struct FrameSummary {
     /// When it was taken, where its file says so, by the clock of the camera: `2024-05-01T10:11:12.25`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub taken: Option<String>,
+    /// Columns and rows of an image that is not as large as the reference.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size_px: Option<[u64; 2]>,
+    /// Seconds since the first frame of its video.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_s: Option<f64>,
     /// How it ended.
     pub status: Status,
     /// What to know about it: why it could not be read, what its file is like, or that tracking lost it.
@@ -419,6 +425,8 @@ impl FrameSummary {
             number,
             file,
             taken: None,
+            size_px: None,
+            time_s: None,
             status: Status::Unreadable,
             remarks: vec![frame_remarks::unreadable(number, why)],
             reference_frame: 0,
@@ -489,6 +497,8 @@ impl FrameSummary {
             number,
             file,
             taken: None,
+            size_px: None,
+            time_s: None,
             status: result.measurement.status,
             remarks,
             reference_frame: result.reference_frame,

@@ -120,20 +120,40 @@ fn the_raw_mosaic_of_a_colour_camera_is_named_where_no_texture_is_found() {
 #[test]
 fn a_video_is_named_with_what_takes_it_apart_and_beside_images_it_is_left_out() {
     let desk = Desk::with_series();
-    let avi = [&b"RIFF\x10\0\0\0AVI LIST"[..], &[0; 100]].concat();
-    desk.write("test.avi", &avi);
-    desk.write("film", &avi);
-    for line in ["test.avi", "ref.png test.avi", "--reference ref.png film", "film a.png b.png"] {
-        let ran = desk.correlate(&format!("{INSIDE} --output out {line}"));
-        assert!(ran.code != Some(0) && ran.stderr.contains("this is a video (AVI), not an image"), "{ran}");
+    let video = [&b"\0\0\0\x20ftypisom"[..], &[0; 100]].concat();
+    desk.write("test.mp4", &video);
+    desk.write("film", &video);
+    let empty = desk.path("empty").display().to_string();
+    for line in ["test.mp4", "ref.png test.mp4", "--reference ref.png film", "film a.png b.png"] {
+        let line = format!("correlate {INSIDE} --output out {line}");
+        let ran = desk.run_with(&[("PATH", &empty)], &words(&line));
+        assert!(ran.code != Some(0) && ran.stderr.contains("this is a video (MP4 or MOV), not an image"), "{ran}");
         assert!(ran.stderr.contains("ffmpeg -i "), "{ran}");
         let _ = std::fs::remove_dir_all(desk.path("out"));
     }
-    let ran = desk.correlate(&format!("{INSIDE} --output out ref.png a.png test.avi")).fine();
-    assert!(ran.stderr.contains("test.avi (a video (AVI)) is not an image and is left out"), "{ran}");
+    let ran = desk.correlate(&format!("{INSIDE} --output out ref.png a.png test.mp4")).fine();
+    assert!(ran.stderr.contains("test.mp4 (a video (MP4 or MOV)) is not an image and is left out"), "{ran}");
     desk.write("a.npy", b"\x93NUMPY\x01\0v\0{'descr'");
     let ran = desk.correlate("--output two a.npy b.png");
     assert!(ran.stderr.contains("a.npy (an array of NumPy (npy)) is not an image") || ran.code == Some(2), "{ran}");
+}
+
+#[test]
+fn images_of_another_size_are_counted_and_a_reference_that_is_alone_is_named() {
+    let desk = Desk::with_series();
+    let small = Image::new(64, 48, Pixels::U8(vec![7; 64 * 48])).unwrap();
+    desk.image("small.png", &small);
+    desk.correlate(&format!("{INSIDE} --output out ref.png a.png small.png b.png")).incomplete();
+    let said = &desk.remarks("out", Code::FramesOfOtherSize)[0];
+    assert!(said.text.contains("frame 2 is 64 x 48 px; the other 2 are 128 x 96 px"), "{said:?}");
+    assert_eq!(desk.json("out/summary.json")["frames"][1]["size_px"], serde_json::json!([64, 48]));
+    let from = moved([0.0, 0.0]);
+    let wide = (0..144 * HEIGHT).map(|k| from.grey(k % 144 % WIDTH, k / 144) as u8).collect();
+    let odd = Image::new(144, HEIGHT, Pixels::U8(wide)).unwrap();
+    desk.image("odd.png", &odd);
+    desk.correlate(&format!("{INSIDE} --output two --reference odd.png a.png b.png")).incomplete();
+    let said = &desk.remarks("two", Code::FramesOfOtherSize)[0];
+    assert!(said.text.contains("all 2 frames are 128 x 96 px, and the reference alone is 144 x 96 px"), "{said:?}");
 }
 
 #[test]

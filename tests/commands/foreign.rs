@@ -5,9 +5,11 @@
 use crate::program;
 use program::{Desk, INSIDE};
 use quadrille::io::arrays::{ArrayFile, Values};
+use quadrille::io::mat::MatWriter;
 use quadrille::io::npz::NpzWriter;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::io::Write as _;
 
 /// Points of a grid 8 px apart under a stretch of 1 % along y (down), 0.01 % along x: x, y, u, v in px.
 fn grid() -> Vec<[f64; 4]> {
@@ -306,6 +308,71 @@ fn arrays_of_a_series_are_its_frames_and_two_bodies_are_two_zones() {
     desk.run("probe out --opening 1,2 --quiet").fine();
     let found = gauge(&desk, "out", "40,24,40,64");
     assert!((found["strain_engineering"] - 0.01).abs() < 1e-9, "{found:?}");
+}
+
+/// A file of MATLAB with these columns of numbers.
+fn mat(arrays: &[(&str, Vec<Vec<f64>>)]) -> Vec<u8> {
+    let mut file = MatWriter::new(Vec::new(), "test").unwrap();
+    for (name, rows) in arrays {
+        file.table(name, rows[0].len(), &Values::F64(rows.concat())).unwrap();
+    }
+    file.finish().unwrap()
+}
+
+/// The same with every array packed, as MATLAB saves.
+fn packed(mat: &[u8]) -> Vec<u8> {
+    let (head, mut rest) = mat.split_at(128);
+    let mut file = head.to_vec();
+    while !rest.is_empty() {
+        let len = u32::from_le_bytes(rest[4..8].try_into().unwrap()) as usize;
+        let (element, behind) = rest.split_at(8 + len);
+        let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
+        encoder.write_all(element).unwrap();
+        let data = encoder.finish().unwrap();
+        file.extend([&15_u32.to_le_bytes()[..], &(data.len() as u32).to_le_bytes(), &data].concat());
+        rest = behind;
+    }
+    file
+}
+
+#[test]
+fn arrays_of_matlab_are_read_packed_or_not_and_what_they_lack_is_named() {
+    let desk = Desk::new();
+    let column = |of: &dyn Fn([f64; 4]) -> f64| grid().into_iter().map(|p| vec![of(p)]).collect::<Vec<_>>();
+    let [x, y, u, v] = [0, 1, 2, 3].map(|k| column(&|p| p[k]));
+    let marked = column(&|p| if p[..2] == [16.0, 16.0] { -1.0 } else { 0.02 });
+    let vic = mat(&[("x", x.clone()), ("y", y), ("u", u.clone()), ("v", v.clone()), ("sigma", marked)]);
+    desk.write("vic.mat", packed(&vic));
+    let ran = desk.run("import vic.mat --output vic").fine();
+    assert!(ran.stderr.contains("1 frame of layout vic-2d"), "{ran}");
+    let record = desk.json("vic/import.json");
+    assert_eq!((&record["n_invalid"], &record["sigma_from"]), (&1.into(), &"file".into()));
+    let both = |c: usize| grid().into_iter().map(|p| vec![0.5 * p[c], p[c]]).collect::<Vec<_>>();
+    let at = grid().into_iter().map(|p| p[..2].to_vec()).collect::<Vec<_>>();
+    desk.write("aldic.mat", mat(&[("coordinates", at), ("disp_u", both(2)), ("disp_v", both(3))]));
+    let ran = desk.run("import aldic.mat --sigma 0.01 --output aldic").fine();
+    assert!(ran.stderr.contains("2 frames of layout pyaldic"), "{ran}");
+    desk.run("probe aldic --opening 1,2 --quiet").fine();
+    let found = gauge(&desk, "aldic", "40,24,40,64");
+    assert!((found["strain_engineering"] - 0.01).abs() < 1e-9, "{found:?}");
+    // What is missing, of another length, cut off or no packed data.
+    for (file, content, wanted) in [
+        (
+            "lacks.mat",
+            mat(&[("x", x.clone()), ("u", u.clone())]),
+            "no array coordinates, and no x, y, u, v; found: u, x",
+        ),
+        (
+            "short.mat",
+            mat(&[("x", x.clone()), ("y", x[1..].to_vec()), ("u", u), ("v", v), ("sigma", x)]),
+            "y has not the",
+        ),
+        ("cut.mat", vic[..vic.len() - 100].to_vec(), "is cut off"),
+        ("bad.mat", [&vic[..128], &[15, 0, 0, 0, 4, 0, 0, 0, 1, 2, 3, 4]].concat(), "cannot be unpacked"),
+    ] {
+        desk.write(file, content);
+        desk.run(&format!("import {file} --sigma 1 --output none")).refused(&[file, wanted]);
+    }
 }
 
 /// A model of one element over the whole image with displacements linear in the position, as an input file of Abaqus

@@ -16,6 +16,7 @@ mod cli;
 mod doors;
 mod exports;
 mod figures;
+mod films;
 mod foreign;
 mod fuzz;
 mod inputs;

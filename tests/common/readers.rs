@@ -48,8 +48,9 @@ fn in_folder<T>(of: impl FnOnce(&Path) -> T) -> T {
     FOLDER.with(|folder| of(folder.path()))
 }
 
-/// Images of every format, all pages.
+/// Images of every format, all pages; films, and the description of one.
 pub fn images(data: &[u8]) {
+    let _ = PagedFile::of("image.cih".into(), data.to_vec());
     let Ok(mut file) = PagedFile::of("image".into(), data.to_vec()) else { return };
     let accepted = Accepted { max_mpx: 4, size: None };
     for page in file.images().unwrap_or_default().into_iter().chain([0]).take(4) {

@@ -840,7 +840,7 @@ fn damaged_and_foreign_tiff_pages_are_told_apart() {
     let cmyk = page().with(262, &[5]);
     for (page, word) in [
         (cmyk, "CMYK"),
-        (page().with(259, &[50000]), "Zstandard"),
+        (page().with(259, &[50001]), "WebP"),
         (page().with(258, &[24]), "24 bits"),
         (page().with(266, &[2]), "bit order"),
         (page().with(277, &[40]), "40 channels"),
@@ -850,6 +850,23 @@ fn damaged_and_foreign_tiff_pages_are_told_apart() {
         let error = read_page("foreign.tif", &tiff_file(false, &[page]), 0).unwrap_err();
         assert!(matches!(&error, ReadError::Unsupported { what, .. } if what.contains(word)), "{word}: {error}");
     }
+}
+
+#[test]
+fn zstandard_and_inks_are_read() {
+    let bytes = bytes_of(&levels());
+    // A frame of Zstandard with one block of bytes as they are; sizes from 256 on stand in two bytes, 256 taken off.
+    let mut packed = b"\x28\xb5\x2f\xfd\x60".to_vec();
+    packed.extend((SIZE as u16 - 256).to_le_bytes());
+    packed.extend(&(SIZE as u32 * 8 + 1).to_le_bytes()[..3]);
+    packed.extend(&bytes);
+    let file = tiff_file(false, &[Page::new(8, 1, packed.clone()).with(259, &[50000])]);
+    assert_reads("zstd.tif", &file, &Pixels::U8(bytes.clone()));
+    let cut = Page::new(8, 1, packed[..packed.len() - 20].to_vec()).with(259, &[50000]);
+    assert!(read_page("cut.tif", &tiff_file(false, &[cut]), 0).is_err());
+    let inks = bytes.iter().flat_map(|v| [0, 0, 0, 255 - v]).collect();
+    let file = tiff_file(false, &[Page::new(8, 4, inks).with(262, &[5])]);
+    assert_reads("inks.tif", &file, &Pixels::U8(bytes));
 }
 
 #[test]

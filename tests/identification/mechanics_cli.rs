@@ -489,6 +489,16 @@ fn units_that_cannot_be_right_are_warned_of() {
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.code().is_some_and(|code| code < 2), "{said}");
     assert!(said.contains("are all lengths in mm?"), "{said}");
+    let said_of = |text: &str, instead: &str| {
+        let case = format!("{RECTANGLE}{BOUNDARY}{SUBSTRATE}{COHESIVE}").replace(text, instead);
+        let output = simulate(self::folder(&case, &self::border()).path());
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (code, said) = said_of("E_MPa = 72000.0", "E_MPa = 72.0");
+    assert!(code < Some(2) && said.contains("E = 72 MPa") && said.contains("GPa meant?"), "{said}");
+    // A law that holds nothing is not looked for for minutes.
+    let (code, said) = said_of("phi_n_N_per_mm = 1.0", "phi_n_N_per_mm = 1e-17");
+    assert!(code == Some(2) && said.contains("which holds nothing: is it in MPa?"), "{said}");
 }
 
 #[test]

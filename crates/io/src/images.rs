@@ -1,6 +1,8 @@
 //! Image files: read in their native depth, written as TIFF or PNG.
 
+mod film;
 mod foreign;
+mod packed;
 pub(super) mod raw;
 pub(super) mod upright;
 mod write;
@@ -9,17 +11,18 @@ pub use foreign::Foreign;
 pub use raw::Accepted;
 pub use write::{WriteError, png_bytes, write_image};
 
-use super::tiff as tiff_pages;
+use super::tiff::{self as tiff_pages, Bytes, LargeFile};
 pub use crate::digest::sha256_hex as sha256;
-use crate::imaging::{Image, ImageError, Pixels};
-use crate::text::read_regular;
-use image::codecs::pnm::{PnmDecoder, PnmSubtype};
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
-use raw::{Channels, ImageFault, Raw, check_size};
-use std::io::{self, Cursor, ErrorKind};
+use crate::imaging::{Image, ImageError, Levels};
+use crate::text::{check_regular, read_regular};
+use film::Film;
+use image::ImageFormat;
+use packed::decode;
+use raw::{ImageFault, Raw};
+use std::io::{self, ErrorKind, Read};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use thiserror::Error;
-use upright::Orientation;
 
 /// An image and what is worth knowing about its file.
 #[derive(Debug, Clone)]
@@ -28,7 +31,7 @@ pub struct Loaded {
     pub image: Image,
     /// What a user should know: colours made grey, more pages, an ignored alpha channel. Often empty.
     pub notes: Vec<String>,
-    /// SHA-256 of the file, in hexadecimal.
+    /// SHA-256 of the file, in hexadecimal; of a video or a stack too large to be read as a whole, that of the grey levels.
     pub sha256: String,
     /// Number of pages in the file.
     pub pages: usize,
@@ -36,6 +39,8 @@ pub struct Loaded {
     pub white: f32,
     /// When it was taken by the camera's clock, `2024-05-01T10:11:12.25`, where the file says so (EXIF, TIFF page).
     pub taken: Option<String>,
+    /// Seconds since the first frame of its video, where that says so.
+    pub time_s: Option<f64>,
 }
 
 /// Why a file gives no image.
@@ -68,6 +73,9 @@ pub enum ReadError {
     /// The content is something else that is known: what it is, and what makes images of it.
     #[error("{}: this is {}, not an image; {}", .0.display(), .1, .2)]
     Foreign(PathBuf, &'static str, String),
+    /// A video whose frames cannot be read: what it is, why, and what makes images of it.
+    #[error("{}: this is {}, not an image, and no frame of it can be read: {}; {}", .0.display(), .1, .2, .3)]
+    Film(PathBuf, &'static str, String, String),
     /// The file, of this format, ends before the image does: what is missing.
     #[error("{}: the {} file is cut off: {}; copy it again from where it was recorded", .0.display(), .1, .2)]
     Truncated(PathBuf, &'static str, String),
@@ -187,26 +195,55 @@ pub fn read_accepted(path: &Path, page: usize, accepted: Accepted) -> Result<Loa
     PagedFile::open(path)?.read_one(page, accepted)
 }
 
-/// An image file in memory, from which pages are decoded one by one without reading it again.
+/// Above so many bytes a TIFF file of several pages is not read as a whole.
+const LARGE: u64 = 64 << 20;
+
+/// An image file, from which pages are decoded one by one without opening it again.
 #[derive(Debug)]
 pub struct PagedFile {
     path: PathBuf,
-    bytes: Vec<u8>,
+    content: Content,
     format: Format,
     /// Once found.
-    pages: Option<tiff_pages::PageList>,
+    pages: Option<Arc<tiff_pages::PageList>>,
     /// Once computed.
     sha256: Option<String>,
 }
 
+#[derive(Debug)]
+enum Content {
+    Whole(Vec<u8>),
+    /// A TIFF file of which a page at a time is read.
+    Large(LargeFile),
+    Film(Film),
+}
+
 impl PagedFile {
-    /// Reads the file `path`. Nothing is decoded yet.
+    /// Opens the file `path`; a large stack or a video is not read as a whole. Nothing is decoded yet.
     ///
     /// # Errors
     /// A file that cannot be read, is empty, or holds no image of a known format.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        let bytes = read_regular(path).map_err(|reason| unreadable(path, reason))?;
-        Self::of(path.to_owned(), bytes)
+        let fault = |reason| unreadable(path, reason);
+        check_regular(path).map_err(fault)?;
+        let file = LargeFile::open(path).map_err(fault)?;
+        let head = file.piece(0, file.len().min(16)).unwrap_or_default().into_owned();
+        if tiff_pages::is_tiff(&head) && file.len() as u64 > LARGE {
+            let mut large = Self::with(path.to_owned(), Content::Large(file), Format::Tiff);
+            large.images()?;
+            if large.pages.as_ref().is_some_and(|pages| pages.len() > 1) {
+                return Ok(large);
+            }
+        } else if let Some(foreign) = Foreign::of(path, &head).filter(|foreign| foreign.is_film()) {
+            let film =
+                Film::open(path, file, foreign).map_err(|problem| named(problem, path, Format::Film.name(), 0))?;
+            return Ok(Self::with(path.to_owned(), Content::Film(film), Format::Film));
+        }
+        Self::of(path.to_owned(), read_regular(path).map_err(fault)?)
+    }
+
+    fn with(path: PathBuf, content: Content, format: Format) -> Self {
+        Self { path, content, format, pages: None, sha256: None }
     }
 
     /// The same with the content of the file at hand; `path` stands in messages.
@@ -217,19 +254,38 @@ impl PagedFile {
         if bytes.is_empty() {
             return Err(ReadError::Empty(path));
         }
+        if let Some(film) = Film::of(&path, &bytes) {
+            let film = film.map_err(|problem| named(problem, &path, Format::Film.name(), 0))?;
+            return Ok(Self::with(path, Content::Film(film), Format::Film));
+        }
         let format = Format::of(&bytes, &path)?;
-        Ok(Self { path, bytes, format, pages: None, sha256: None })
+        Ok(Self::with(path, Content::Whole(bytes), format))
     }
 
-    /// The pages that are images of their own (no thumbnails), from 0. A file that is no TIFF has one.
+    /// The pages that are images of their own (no thumbnails), or the frames of a video, from 0. Other files have one.
     ///
     /// # Errors
-    /// A TIFF file whose list of pages is damaged.
+    /// A TIFF file whose list of pages is damaged, or cannot be read to its end.
     pub fn images(&mut self) -> Result<Vec<usize>, ReadError> {
-        match self.page_list() {
-            Ok(Some(list)) => Ok(list.images(&self.bytes)),
-            Ok(None) => Ok(vec![0]),
-            Err(problem) => Err(named(problem, &self.path, self.format.name(), 0)),
+        let images = self.page_list().map(|list| match (list, &self.content) {
+            (Some(list), Content::Whole(bytes)) => list.images(bytes.as_slice()),
+            (Some(list), Content::Large(file)) => list.images(file),
+            (_, Content::Film(film)) => (0..film.len()).collect(),
+            (None, _) => vec![0],
+        });
+        self.checked(images, 0)
+    }
+
+    /// What was read, unless the disk has refused a part of it.
+    fn checked<T>(&mut self, read: Result<T, ImageFault>, page: usize) -> Result<T, ReadError> {
+        let refused = match &mut self.content {
+            Content::Large(file) => file.take_error(),
+            Content::Film(film) => film.take_error(),
+            Content::Whole(_) => None,
+        };
+        match refused {
+            Some(reason) => Err(ReadError::Io(self.path.clone(), reason)),
+            None => read.map_err(|problem| named(problem, &self.path, self.format.name(), page)),
         }
     }
 
@@ -238,15 +294,27 @@ impl PagedFile {
     /// # Errors
     /// As [`read_image`].
     pub fn read(&mut self, page: usize, accepted: Accepted) -> Result<Loaded, ReadError> {
-        let (mut raw, pages) =
-            self.decode(page, accepted).map_err(|problem| named(problem, &self.path, self.format.name(), page))?;
+        let decoded = self.decode(page, accepted);
+        let (mut raw, pages) = self.checked(decoded, page)?;
         let pixels = raw.channels.grey(raw.pixels, &mut raw.notes);
         let ([width, height], pixels) = raw.orientation.upright([raw.width, raw.height], pixels);
         raw.notes.extend(raw.orientation.note());
         let image = Image::new(width, height, pixels)
             .map_err(|reason| ReadError::GreyLevels { path: self.path.clone(), reason })?;
-        let sha256 = self.sha256.get_or_insert_with(|| sha256(&self.bytes)).clone();
-        Ok(Loaded { image, notes: raw.notes, sha256, pages, white: raw.white, taken: raw.taken })
+        let sha256 = self.sha256.clone().unwrap_or_else(|| sha256_of(&image));
+        let time_s = if let Content::Film(film) = &self.content { film.time_s(page) } else { None };
+        Ok(Loaded { image, notes: raw.notes, sha256, pages, white: raw.white, taken: raw.taken, time_s })
+    }
+
+    /// [`Loaded::sha256`] of the page `page`, which is not decoded where the file is hashed as a whole.
+    ///
+    /// # Errors
+    /// As [`PagedFile::read`].
+    pub fn sha256(&mut self, page: usize) -> Result<String, ReadError> {
+        match &self.content {
+            Content::Whole(bytes) => Ok(self.sha256.get_or_insert_with(|| sha256(bytes)).clone()),
+            _ => self.read(page, Accepted::ANY).map(|loaded| loaded.sha256),
+        }
     }
 
     /// As [`PagedFile::read`], where no other page is wanted: the notes say how many there are.
@@ -259,36 +327,58 @@ impl PagedFile {
         Ok(loaded)
     }
 
-    fn page_list(&mut self) -> Result<Option<tiff_pages::PageList>, ImageFault> {
+    fn page_list(&mut self) -> Result<Option<Arc<tiff_pages::PageList>>, ImageFault> {
         if self.pages.is_none() && matches!(self.format, Format::Tiff) {
-            self.pages = Some(tiff_pages::PageList::of(&self.bytes)?);
+            self.pages = match &self.content {
+                Content::Whole(bytes) => Some(Arc::new(tiff_pages::PageList::of(bytes.as_slice())?)),
+                Content::Large(file) => Some(Arc::new(tiff_pages::PageList::of(file)?)),
+                Content::Film(_) => None,
+            };
         }
         Ok(self.pages.clone())
     }
 
     fn decode(&mut self, page: usize, accepted: Accepted) -> Result<(Raw, usize), ImageFault> {
-        // Decoding a TIFF page edits the bytes for a while: their hash is that of the file.
-        self.sha256.get_or_insert_with(|| sha256(&self.bytes));
-        match (self.page_list()?, self.format) {
-            (Some(list), _) => Ok((list.decode(&mut self.bytes, page, accepted)?, list.len())),
-            (None, Format::Other(format)) if page == 0 => Ok((decode(&self.bytes, format, accepted)?, 1)),
+        let list = self.page_list()?;
+        if let Content::Whole(bytes) = &self.content {
+            // Decoding a TIFF page edits the bytes for a while: their hash is that of the file.
+            self.sha256.get_or_insert_with(|| sha256(bytes));
+        }
+        match (&mut self.content, list, self.format) {
+            (Content::Film(film), ..) => Ok((film.decode(page, accepted)?, film.len())),
+            (Content::Whole(bytes), Some(list), _) => {
+                Ok((list.decode(bytes.as_mut_slice(), page, accepted)?, list.len()))
+            }
+            (Content::Large(file), Some(list), _) => Ok((list.decode(file, page, accepted)?, list.len())),
+            (Content::Whole(bytes), None, Format::Other(format)) if page == 0 => {
+                Ok((decode(bytes, format, accepted)?, 1))
+            }
             _ => Err(ImageFault::NoSuchPage { pages: 1 }),
         }
     }
 }
 
-/// Pages of `path` that are images of their own; the first of what is no TIFF file or cannot be opened.
+/// SHA-256 of the grey levels of an image, rows from the top, little endian.
+fn sha256_of(image: &Image) -> String {
+    match image.pixels() {
+        Levels::U8(levels) => sha256(levels),
+        Levels::U16(levels) => sha256(&levels.iter().flat_map(|level| level.to_le_bytes()).collect::<Vec<_>>()),
+        Levels::F32(levels) => sha256(&levels.iter().flat_map(|level| level.to_le_bytes()).collect::<Vec<_>>()),
+    }
+}
+
+/// Pages of `path` that are images of their own, or frames of a video; the first of what has no pages or cannot be
+/// opened.
 ///
 /// # Errors
-/// A TIFF file that cannot be read, or whose list of pages is damaged: how many frames it is nobody knows.
+/// A stack or video that cannot be read, or whose list of pages is damaged: how many frames it is nobody knows.
 pub fn pages_of(path: &Path) -> Result<Vec<usize>, ReadError> {
-    let mut head = [0; 4];
-    let tiff = path.is_file()
-        && std::fs::File::open(path).is_ok_and(|mut file| {
-            use std::io::Read;
-            file.read_exact(&mut head).is_ok() && tiff_pages::is_tiff(&head)
-        });
-    if tiff { PagedFile::open(path)?.images() } else { Ok(vec![0]) }
+    let mut head = Vec::new();
+    let read = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut head));
+    let is_stack = path.is_file()
+        && read.is_ok()
+        && (tiff_pages::is_tiff(&head) || Foreign::of(path, &head).is_some_and(Foreign::is_film));
+    if is_stack { PagedFile::open(path)?.images() } else { Ok(vec![0]) }
 }
 
 fn unreadable(path: &Path, reason: io::Error) -> ReadError {
@@ -313,6 +403,7 @@ fn named(problem: ImageFault, path: &Path, format: &'static str, page: usize) ->
         ImageFault::TooLarge { width, height, max_mpx } => ReadError::TooLarge { path, format, width, height, max_mpx },
         ImageFault::OtherSize { width, height, wanted } => ReadError::OtherSize { path, width, height, wanted },
         ImageFault::Memory { width, height, bytes } => ReadError::Memory { path, width, height, bytes },
+        ImageFault::Film(what, why, todo) => ReadError::Film(path, what, why, todo),
         ImageFault::NoSuchPage { pages } => ReadError::NoSuchPage { path, page, pages },
     }
 }
@@ -320,6 +411,7 @@ fn named(problem: ImageFault, path: &Path, format: &'static str, page: usize) ->
 #[derive(Debug, Clone, Copy)]
 enum Format {
     Tiff,
+    Film,
     Other(ImageFormat),
 }
 
@@ -350,6 +442,7 @@ impl Format {
     fn name(self) -> &'static str {
         match self {
             Format::Tiff => "TIFF",
+            Format::Film => "video",
             Format::Other(ImageFormat::Png) => "PNG",
             Format::Other(ImageFormat::Bmp) => "BMP",
             Format::Other(ImageFormat::Jpeg) => "JPEG",
@@ -372,141 +465,4 @@ pub(super) fn beginning(bytes: &[u8]) -> String {
     }
     let numbers: Vec<_> = head.iter().take(8).map(|b| format!("{b:02x}")).collect();
     format!("the bytes {}", numbers.join(" "))
-}
-
-/// Decodes PNG, BMP, JPEG and PGM/PPM.
-fn decode(bytes: &[u8], format: ImageFormat, accepted: Accepted) -> Result<Raw, ImageFault> {
-    if format == ImageFormat::Jpeg && !jpeg_is_complete(bytes) {
-        return Err(ImageFault::Truncated("its end marker is missing".into()));
-    }
-    // The decoder takes the palette to end with a whole colour (png 0.18.1 panics).
-    if format == ImageFormat::Png
-        && let Some(n) = png_palette(bytes).filter(|n| !n.is_multiple_of(3))
-    {
-        return Err(ImageFault::Corrupt(format!("its palette of {n} bytes ends within a colour")));
-    }
-    // The decoder's own limit of 512 MiB is too low for large sensors; `check_size` sets ours.
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    reader.no_limits();
-    let mut decoder = reader.into_decoder().map_err(problem)?;
-    let (width, height) = decoder.dimensions();
-    let ratio = match format {
-        // A bitmap packs 8 pixels in a byte.
-        ImageFormat::Pnm => 8,
-        // Deflate shrinks 1032 times; a palette turns one bit into 24.
-        _ => 32768,
-    };
-    let exif = decoder.exif_metadata().ok().flatten();
-    let orientation = exif.as_deref().and_then(image::metadata::Orientation::from_exif_chunk);
-    let orientation = Orientation::of(orientation.map_or(1, |orientation| orientation.to_exif().into()));
-    let accepted = accepted.stored(orientation);
-    check_size(accepted, width.into(), height.into(), decoder.total_bytes().into(), ratio, bytes.len())
-        .map_err(|fault| fault.upright(orientation))?;
-    let taken = exif.and_then(|exif| tiff_pages::taken_of_exif(&exif));
-    let mut notes = Vec::new();
-    let image = DynamicImage::from_decoder(decoder).map_err(problem)?;
-    if format == ImageFormat::Jpeg && ends_alike(&image) && jpeg_ends_early(bytes, &image) {
-        return Err(ImageFault::Truncated("the pixel data end early, before its end marker".into()));
-    }
-    let (n, colour, mut pixels) = match image {
-        DynamicImage::ImageLuma8(buffer) => (1, false, Pixels::U8(buffer.into_raw())),
-        DynamicImage::ImageLuma16(buffer) => (1, false, Pixels::U16(buffer.into_raw())),
-        DynamicImage::ImageLumaA8(buffer) => (2, false, Pixels::U8(buffer.into_raw())),
-        DynamicImage::ImageLumaA16(buffer) => (2, false, Pixels::U16(buffer.into_raw())),
-        DynamicImage::ImageRgb8(buffer) => (3, true, Pixels::U8(buffer.into_raw())),
-        DynamicImage::ImageRgb16(buffer) => (3, true, Pixels::U16(buffer.into_raw())),
-        DynamicImage::ImageRgba8(buffer) => (4, true, Pixels::U8(buffer.into_raw())),
-        DynamicImage::ImageRgba16(buffer) => (4, true, Pixels::U16(buffer.into_raw())),
-        other => return Err(ImageFault::Unsupported(format!("{:?}", other.color()))),
-    };
-    let mut white = pixels.white();
-    if format == ImageFormat::Pnm {
-        restore_scale(bytes, &mut pixels, &mut white);
-    } else if format == ImageFormat::Png
-        && n <= 2
-        && let Some(bits @ 1..=4) = bytes.get(24)
-    {
-        // The header of a PNG file stands at its beginning; the decoder gives no depth below 8 bits.
-        notes.push(format!("{bits} bit grey levels are stretched to 0..255"));
-    }
-    let channels = Channels { n, colour, planar: false };
-    Ok(Raw { width: width as usize, height: height as usize, channels, pixels, white, notes, taken, orientation })
-}
-
-fn problem(error: image::ImageError) -> ImageFault {
-    match error {
-        image::ImageError::IoError(reason) if reason.kind() == ErrorKind::UnexpectedEof => {
-            ImageFault::Truncated("the pixel data end early".into())
-        }
-        image::ImageError::Unsupported(reason) => ImageFault::Unsupported(reason.to_string()),
-        other => ImageFault::Corrupt(other.to_string()),
-    }
-}
-
-/// Bytes of the palette of a PNG file, which stands before its pixels; none without one.
-fn png_palette(bytes: &[u8]) -> Option<usize> {
-    const SIGNATURE: usize = 8;
-    const CHECKSUM: usize = 4;
-    let mut rest = bytes.get(SIGNATURE..)?;
-    loop {
-        let (length, after) = rest.split_first_chunk()?;
-        let (kind, after) = after.split_first_chunk()?;
-        let length = u32::from_be_bytes(*length) as usize;
-        match kind {
-            b"PLTE" => return Some(length),
-            b"IDAT" => return None,
-            _ => rest = after.get(length.checked_add(CHECKSUM)?..)?,
-        }
-    }
-}
-
-/// Whether the last scan of a JPEG file has its end marker. The decoder fills what is missing with grey,
-/// silently; and a thumbnail ahead of the scan has an end marker of its own.
-fn jpeg_is_complete(bytes: &[u8]) -> bool {
-    let last = |marker: [u8; 2]| bytes.windows(2).rposition(|pair| pair == marker);
-    last([0xff, 0xd9]) > last([0xff, 0xda])
-}
-
-/// Whether the last two blocks of 8 by 8 pixels are alike: where the data have ended the decoder repeats what it had.
-fn ends_alike(image: &DynamicImage) -> bool {
-    const SIDE: usize = 8;
-    let (width, height) = (image.width() as usize, image.height() as usize);
-    let (bytes, channels) = (image.as_bytes(), usize::from(image.color().channel_count()));
-    let (Some(x), Some(y)) = ((width / SIDE).checked_sub(2), (height / SIDE).checked_sub(1)) else { return true };
-    (0..SIDE).all(|row| {
-        let at = |column: usize| channels * ((SIDE * y + row) * width + SIDE * column);
-        let block = |column: usize| bytes.get(at(column)..at(column + 1));
-        block(x) == block(x + 1)
-    })
-}
-
-/// Whether the data of a JPEG file end before the picture `decoded` does: it is another one when more data follow.
-fn jpeg_ends_early(bytes: &[u8], decoded: &DynamicImage) -> bool {
-    const MORE: [u8; 256] = [0x55; 256];
-    let end = bytes.windows(2).rposition(|pair| pair == [0xff, 0xd9]).unwrap_or(bytes.len());
-    let (data, end) = bytes.split_at_checked(end).unwrap_or((bytes, &[]));
-    let longer = [data, &MORE, end].concat();
-    let again = ImageReader::with_format(Cursor::new(longer), ImageFormat::Jpeg).decode();
-    again.is_ok_and(|again| again.as_bytes() != decoded.as_bytes())
-}
-
-/// Undoes the stretching of a PGM/PPM decoder, which spreads 0..maxval over all of 8 or 16 bit: 12 bit
-/// grey levels stay 12 bit. Exact for maxval up to 15 bit, where stretching at least doubles a level.
-fn restore_scale(bytes: &[u8], pixels: &mut Pixels, white: &mut f32) {
-    let Ok(decoder) = PnmDecoder::new(Cursor::new(bytes)) else { return };
-    if matches!(decoder.subtype(), PnmSubtype::Bitmap(_)) {
-        return;
-    }
-    let (_, header) = decoder.into_inner();
-    let highest = f64::from(header.maximal_sample());
-    *white = white.min(highest as f32);
-    match pixels {
-        Pixels::U8(levels) if highest < 255.0 => {
-            levels.iter_mut().for_each(|v| *v = (f64::from(*v) * highest / 255.0).round() as u8);
-        }
-        Pixels::U16(levels) if highest < 65535.0 => {
-            levels.iter_mut().for_each(|v| *v = (f64::from(*v) * highest / 65535.0).round() as u16);
-        }
-        _ => {}
-    }
 }

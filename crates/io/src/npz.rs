@@ -119,6 +119,22 @@ pub(crate) struct Array {
 }
 
 impl Array {
+    /// Of this shape, numbers column by column.
+    pub fn by_columns(shape: Vec<u64>, values: Values) -> Self {
+        Self { shape, is_fortran: true, values }
+    }
+
+    /// The number at a place, counted column by column; NaN beyond the end.
+    pub fn nth(&self, at: usize) -> f64 {
+        let rows = self.shape.first().map_or(1, |&n| n.max(1) as usize);
+        self.value(at % rows, at / rows)
+    }
+
+    /// How many numbers there are.
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
     /// The number in a row and column; of an array of one axis the column is 0. NaN beyond the ends.
     pub fn value(&self, row: usize, column: usize) -> f64 {
         let axis = |k: usize| self.shape.get(k).map_or(1, |&n| n as usize);

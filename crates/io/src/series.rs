@@ -175,6 +175,11 @@ impl Frame {
         }
     }
 
+    /// [`Loaded::sha256`] of the image, which is decoded only where its file is not hashed as a whole.
+    pub fn sha256(&self) -> Result<String, ReadError> {
+        PagedFile::open(&self.path)?.sha256(self.page)
+    }
+
     /// Every page of the files, in order; `pages` gives those of a file, or why they are not known.
     ///
     /// ```

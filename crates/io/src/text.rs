@@ -43,13 +43,19 @@ pub(crate) fn read_file<E>(
     })
 }
 
-/// The content of a file. A pipe or a device is refused: it may have no end, or nothing for ever.
+/// The content of a file; see [`check_regular`].
 pub(crate) fn read_regular(path: &Path) -> io::Result<Vec<u8>> {
-    let about = std::fs::metadata(path)?;
-    if !about.is_file() && !about.is_dir() {
-        return Err(io::Error::other("it is a pipe or a device; copy what comes from it into a file"));
-    }
+    check_regular(path)?;
     std::fs::read(path)
+}
+
+/// Refuses a pipe or a device: it may have no end, or nothing for ever.
+pub(crate) fn check_regular(path: &Path) -> io::Result<()> {
+    let about = std::fs::metadata(path)?;
+    if about.is_file() || about.is_dir() {
+        return Ok(());
+    }
+    Err(io::Error::other("it is a pipe or a device; copy what comes from it into a file"))
 }
 
 /// Text of any of the usual encodings, and which it is where that is not UTF-8; the line of a byte that is no text as

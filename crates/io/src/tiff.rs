@@ -7,15 +7,19 @@
 //! Tiles are declared a single column of whole tiles: cut at the border they would be read piece by piece,
 //! on which the LZW decoder stumbles (image-rs/weezl issue 68).
 
+mod alone;
+mod bytes;
 mod samples;
 mod taken;
 
+pub(super) use bytes::{Bytes, LargeFile};
+pub(super) use samples::split_bits;
 pub(super) use taken::taken_of_exif;
 
 use super::images::raw::{Accepted, Channels, ImageFault, Raw, check_size};
 use super::images::upright::Orientation;
 use crate::imaging::Pixels;
-use samples::{apply_map, invert, native, split_bits, stretch};
+use samples::{apply_map, invert, native, of_inks, stretch};
 use std::collections::HashSet;
 use std::io::{Cursor, ErrorKind};
 use tiff::decoder::{Decoder, DecodingResult, Limits};
@@ -38,6 +42,8 @@ const PREDICTOR: u16 = 317;
 const COLOUR_MAP: u16 = 320;
 const TILE_WIDTH: u16 = 322;
 const TILE_HEIGHT: u16 = 323;
+const TILES: u16 = 324;
+const TILE_BYTES: u16 = 325;
 const SUB_DIRECTORIES: u16 = 330;
 const SAMPLE_FORMAT: u16 = 339;
 
@@ -70,7 +76,7 @@ pub(super) struct PageList {
 }
 
 impl PageList {
-    pub(super) fn of(bytes: &[u8]) -> Result<Self, ImageFault> {
+    pub(super) fn of<B: Bytes + ?Sized>(bytes: &B) -> Result<Self, ImageFault> {
         let file = ByteLayout::of(bytes)?;
         let (offsets, complete) = file.pages(bytes)?;
         let of_one = |offset: usize| Page { offset, image: 0 };
@@ -90,7 +96,7 @@ impl PageList {
     }
 
     /// The pages that are images of their own: no thumbnails and no masks of another page. At least one.
-    pub(super) fn images(&self, bytes: &[u8]) -> Vec<usize> {
+    pub(super) fn images<B: Bytes + ?Sized>(&self, bytes: &B) -> Vec<usize> {
         let whole = |&(_, page): &(usize, &Page)| {
             Directory::read(self.file, bytes, page.offset).map_or(true, |directory| directory.is_whole(bytes))
         };
@@ -98,8 +104,11 @@ impl PageList {
         if whole.is_empty() { vec![0] } else { whole }
     }
 
-    /// Decodes page `page` of the file `bytes`, which are edited and put right again.
-    pub(super) fn decode(&self, bytes: &mut [u8], page: usize, accepted: Accepted) -> Result<Raw, ImageFault> {
+    /// Decodes page `page` of the file `bytes`; where these are at hand, they are edited and put right again.
+    pub(super) fn decode<B>(&self, bytes: &mut B, page: usize, accepted: Accepted) -> Result<Raw, ImageFault>
+    where
+        B: Bytes + ?Sized,
+    {
         let pages = self.len();
         let Some(&Page { offset: first, image }) = self.pages.get(page) else {
             return Err(ImageFault::NoSuchPage { pages });
@@ -112,12 +121,21 @@ impl PageList {
         // What is turned is noted at the thumbnail too, or there alone.
         let orientation = [&directory, &head].into_iter().find_map(|directory| directory.value(bytes, ORIENTATION));
         let orientation = Orientation::of(orientation.unwrap_or(1));
-        let entries = offset..directory.next.min(bytes.len());
-        let kept = bytes.get(entries.clone()).unwrap_or_default().to_vec();
-        let decoded = directory.with_image(bytes, image, |bytes| directory.decode(bytes, accepted.stored(orientation)));
-        if let Some(entries) = bytes.get_mut(entries) {
-            entries.copy_from_slice(&kept);
-        }
+        let accepted = accepted.stored(orientation);
+        let decoded = match bytes.at_hand() {
+            Some(bytes) if image == 0 => {
+                let entries = offset..directory.next.min(bytes.len());
+                let kept = bytes.get(entries.clone()).unwrap_or_default().to_vec();
+                let decoded = directory.decode(bytes, accepted);
+                if let Some(entries) = bytes.get_mut(entries) {
+                    entries.copy_from_slice(&kept);
+                }
+                decoded
+            }
+            _ => directory
+                .alone(bytes, image, accepted)
+                .and_then(|(alone, mut bytes)| alone.decode(&mut bytes, accepted)),
+        };
         let raw = decoded.map_err(|fault| fault.upright(orientation))?;
         let mut raw = Raw { taken, orientation, ..raw };
         if picture.is_some() {
@@ -133,7 +151,7 @@ impl PageList {
 
 /// The directory of the picture of which the first page is a thumbnail: the largest of those that belong to it (as in
 /// raw files of cameras), or of the other pages. `None` where the first page is the picture.
-fn picture_of(file: ByteLayout, bytes: &[u8], offsets: &[usize]) -> Option<usize> {
+fn picture_of<B: Bytes + ?Sized>(file: ByteLayout, bytes: &B, offsets: &[usize]) -> Option<usize> {
     let (&first, others) = offsets.split_first()?;
     let head = Directory::read(file, bytes, first).ok()?;
     let pixels =
@@ -147,7 +165,8 @@ fn picture_of(file: ByteLayout, bytes: &[u8], offsets: &[usize]) -> Option<usize
         // Of several of one size the first.
         whole.filter(|(_, pixels)| *pixels > beyond).reduce(|best, next| if next.1 > best.1 { next } else { best })
     };
-    let inner = largest(&mut head.numbers(bytes, SUB_DIRECTORIES).filter_map(|at| usize::try_from(at).ok()));
+    let inner =
+        largest(&mut head.numbers(bytes, SUB_DIRECTORIES).into_iter().filter_map(|at| usize::try_from(at).ok()));
     let found = inner.or_else(|| is_thumbnail.then(|| largest(&mut others.iter().copied())).flatten());
     found.map(|(offset, _)| offset)
 }
@@ -160,8 +179,8 @@ struct ByteLayout {
 }
 
 impl ByteLayout {
-    fn of(bytes: &[u8]) -> Result<Self, ImageFault> {
-        let magic = bytes.get(..4).ok_or_else(|| ImageFault::Truncated("the header is not complete".into()))?;
+    fn of<B: Bytes + ?Sized>(bytes: &B) -> Result<Self, ImageFault> {
+        let magic = bytes.piece(0, 4).ok_or_else(|| ImageFault::Truncated("the header is not complete".into()))?;
         let file = ByteLayout { little: magic.starts_with(b"I"), big: magic.contains(&b'+') };
         // BigTIFF says its offset size, which is always 8, and a zero.
         if file.big && (file.number(bytes, 4, 2), file.number(bytes, 6, 2)) != (Some(8), Some(0)) {
@@ -171,10 +190,14 @@ impl ByteLayout {
     }
 
     /// The unsigned number in `size` bytes at `at`; `None` beyond the end of the file.
-    fn number(self, bytes: &[u8], at: usize, size: usize) -> Option<u64> {
-        let field = bytes.get(at..at.checked_add(size)?)?;
+    fn number<B: Bytes + ?Sized>(self, bytes: &B, at: usize, size: usize) -> Option<u64> {
+        Some(self.value(&bytes.piece(at, size)?))
+    }
+
+    /// The unsigned number that the bytes of `field` are.
+    fn value(self, field: &[u8]) -> u64 {
         let add = |number: u64, byte: &u8| number << 8 | u64::from(*byte);
-        Some(if self.little { field.iter().rev().fold(0, add) } else { field.iter().fold(0, add) })
+        if self.little { field.iter().rev().fold(0, add) } else { field.iter().fold(0, add) }
     }
 
     /// Writes `value` in `size` bytes at `at`; nothing beyond the end of the file.
@@ -197,7 +220,7 @@ impl ByteLayout {
     }
 
     /// The offsets of the pages, and whether the list ends properly.
-    fn pages(self, bytes: &[u8]) -> Result<(Vec<usize>, bool), ImageFault> {
+    fn pages<B: Bytes + ?Sized>(self, bytes: &B) -> Result<(Vec<usize>, bool), ImageFault> {
         let missing = || ImageFault::Truncated("the directory of the first page is missing".into());
         let (head, size) = self.entry();
         let mut at = self.number(bytes, self.word(), self.word()).ok_or_else(missing)?;
@@ -233,6 +256,8 @@ struct Field {
     /// Bytes of one number.
     size: usize,
     count: usize,
+    /// Whether they are whole numbers or text; of others nothing is needed here.
+    is_whole: bool,
 }
 
 /// The description of a page.
@@ -245,70 +270,73 @@ struct Directory {
 }
 
 impl Directory {
-    fn read(file: ByteLayout, bytes: &[u8], offset: usize) -> Result<Self, ImageFault> {
+    fn read<B: Bytes + ?Sized>(file: ByteLayout, bytes: &B, offset: usize) -> Result<Self, ImageFault> {
         let cut = || ImageFault::Truncated("the directory of the page is not complete".into());
         let (head, entry) = file.entry();
         let n = usize::try_from(file.number(bytes, offset, head).ok_or_else(cut)?).map_err(|_| cut())?;
+        let entries = n.checked_mul(entry).and_then(|len| bytes.piece(offset + head, len)).ok_or_else(cut)?;
         let mut fields = Vec::new();
-        for k in 0..n {
+        for (k, data) in entries.chunks_exact(entry).enumerate() {
+            let number = |at: usize, size: usize| file.number(data, at, size).ok_or_else(cut);
             let place = offset + head + k * entry;
-            let tag = file.number(bytes, place, 2).ok_or_else(cut)? as u16;
-            let size = match file.number(bytes, place + 2, 2).ok_or_else(cut)? {
-                1 | 2 => 1, // bytes, text
-                3 => 2,
-                4 | 13 => 4, // 13 and 18: the place of a directory
-                16 | 18 => 8,
-                _ => continue, // fractions, signed numbers: nothing needed here
+            let (size, is_whole) = match number(2, 2)? {
+                1 | 2 => (1, true), // bytes, text
+                3 => (2, true),
+                4 | 13 => (4, true), // 13 and 18: the place of a directory
+                16 | 18 => (8, true),
+                6 | 7 => (1, false),
+                8 => (2, false),
+                9 | 11 => (4, false),
+                5 | 10 | 12 | 17 => (8, false),
+                _ => continue,
             };
-            let count = file.number(bytes, place + 4, file.word()).ok_or_else(cut)?;
-            let count = usize::try_from(count).map_err(|_| cut())?;
+            let count = usize::try_from(number(4, file.word())?).map_err(|_| cut())?;
             // Numbers that fit are in the entry itself, others elsewhere.
-            let inside = place + 4 + file.word();
+            let inside = 4 + file.word();
             let at = if count.saturating_mul(size) <= file.word() {
-                inside
+                place + inside
             } else {
-                usize::try_from(file.number(bytes, inside, file.word()).ok_or_else(cut)?).map_err(|_| cut())?
+                usize::try_from(number(inside, file.word())?).map_err(|_| cut())?
             };
-            fields.push(Field { tag, entry: place, at, size, count });
+            fields.push(Field { tag: number(0, 2)? as u16, entry: place, at, size, count, is_whole });
         }
         Ok(Directory { file, offset, next: offset + head + n * entry, fields })
     }
 
     fn field(&self, tag: u16) -> Option<Field> {
-        self.fields.iter().copied().find(|field| field.tag == tag)
+        self.fields.iter().copied().find(|field| field.tag == tag && field.is_whole)
     }
 
-    fn value(&self, bytes: &[u8], tag: u16) -> Option<u64> {
+    fn value<B: Bytes + ?Sized>(&self, bytes: &B, tag: u16) -> Option<u64> {
         let field = self.field(tag)?;
         self.file.number(bytes, field.at, field.size)
     }
 
-    /// All numbers of `tag`.
-    fn numbers<'a>(&self, bytes: &'a [u8], tag: u16) -> impl Iterator<Item = u64> + use<'a> {
-        let (file, field) = (self.file, self.field(tag));
-        let number = move |field: Field, k: usize| {
-            file.number(bytes, field.at.checked_add(k.checked_mul(field.size)?)?, field.size)
-        };
-        field.into_iter().flat_map(move |field| (0..field.count).map_while(move |k| number(field, k)))
+    /// All numbers of `tag` that are there; at most as many as an image can have pieces.
+    fn numbers<B: Bytes + ?Sized>(&self, bytes: &B, tag: u16) -> Vec<u64> {
+        const MOST: usize = 1 << 22;
+        let Some(Field { at, size, count, .. }) = self.field(tag) else { return Vec::new() };
+        let there = bytes.len().saturating_sub(at) / size;
+        let all = bytes.piece(at, size * count.min(there).min(MOST)).unwrap_or_default();
+        all.chunks_exact(size).map(|number| self.file.value(number)).collect()
     }
 
     /// Columns and rows.
-    fn size(&self, bytes: &[u8]) -> Option<[u64; 2]> {
+    fn size<B: Bytes + ?Sized>(&self, bytes: &B) -> Option<[u64; 2]> {
         Some([self.value(bytes, WIDTH)?, self.value(bytes, HEIGHT)?])
     }
 
     /// Whether it is a picture of its own: no thumbnail and no mask.
-    fn is_whole(&self, bytes: &[u8]) -> bool {
+    fn is_whole<B: Bytes + ?Sized>(&self, bytes: &B) -> bool {
         self.value(bytes, SUBFILE).unwrap_or(0) & 0b101 == 0
     }
 
     /// How many images the directory stands for, one behind the other: programs write stacks with one directory and
     /// their number in its description (ImageJ `images=N`; tifffile a shape that it calls truncated).
-    fn stack(&self, bytes: &[u8]) -> Result<usize, ImageFault> {
-        let description = self
-            .field(DESCRIPTION)
-            .and_then(|Field { at, size, count, .. }| bytes.get(at..at.checked_add(count.checked_mul(size)?)?));
-        let images = said_images(&String::from_utf8_lossy(description.unwrap_or_default())).unwrap_or(1);
+    fn stack<B: Bytes + ?Sized>(&self, bytes: &B) -> Result<usize, ImageFault> {
+        let description =
+            self.field(DESCRIPTION).and_then(|Field { at, size, count, .. }| bytes.piece(at, count.checked_mul(size)?));
+        let images = said_images(&String::from_utf8_lossy(&description.unwrap_or_default())).unwrap_or(1);
         if images <= 1 {
             return Ok(1);
         }
@@ -325,9 +353,9 @@ impl Directory {
     }
 
     /// Where the first image lies, if that is in one piece.
-    fn image_bytes(&self, bytes: &[u8]) -> Option<std::ops::Range<usize>> {
-        let offsets: Vec<u64> = self.numbers(bytes, STRIPS).collect();
-        let lengths: Vec<u64> = self.numbers(bytes, STRIP_BYTES).collect();
+    fn image_bytes<B: Bytes + ?Sized>(&self, bytes: &B) -> Option<std::ops::Range<usize>> {
+        let offsets = self.numbers(bytes, STRIPS);
+        let lengths = self.numbers(bytes, STRIP_BYTES);
         let ends: Vec<u64> =
             offsets.iter().zip(&lengths).map(|(offset, length)| offset.saturating_add(*length)).collect();
         let is_one_piece = offsets.iter().skip(1).zip(&ends).all(|(next, end)| next == end);
@@ -337,35 +365,11 @@ impl Directory {
             .then_some(range)
     }
 
-    /// What `work` makes of the file with the image of number `image` in the place of the first.
-    fn with_image<T>(
-        &self,
-        bytes: &mut [u8],
-        image: usize,
-        work: impl FnOnce(&mut [u8]) -> Result<T, ImageFault>,
-    ) -> Result<T, ImageFault> {
-        if image == 0 {
-            return work(bytes);
-        }
-        let missing = || ImageFault::Truncated(format!("image {image} is missing"));
-        let first = self.image_bytes(bytes).ok_or_else(missing)?;
-        let from = image.checked_mul(first.len()).and_then(|skip| skip.checked_add(first.start));
-        let range = from.and_then(|from| Some(from..from.checked_add(first.len())?));
-        let range = range.filter(|range| range.end <= bytes.len()).ok_or_else(missing)?;
-        let kept = bytes.get(first.clone()).unwrap_or_default().to_vec();
-        bytes.copy_within(range, first.start);
-        let done = work(bytes);
-        if let Some(there) = bytes.get_mut(first) {
-            there.copy_from_slice(&kept);
-        }
-        done
-    }
-
     /// The text of `tag`, up to its end.
-    fn text<'a>(&self, bytes: &'a [u8], tag: u16) -> Option<&'a str> {
+    fn text<B: Bytes + ?Sized>(&self, bytes: &B, tag: u16) -> Option<String> {
         let Field { at, size, count, .. } = self.field(tag)?;
-        let field = bytes.get(at..at.checked_add(count.checked_mul(size)?)?)?;
-        field.split(|&byte| byte == 0).next().and_then(|text| std::str::from_utf8(text).ok())
+        let field = bytes.piece(at, count.checked_mul(size)?)?;
+        field.split(|&byte| byte == 0).next().and_then(|text| String::from_utf8(text.to_vec()).ok())
     }
 
     /// Replaces each number of `tag`, when the page has it.
@@ -415,12 +419,19 @@ impl Directory {
         if photometric == 0 {
             invert(&mut pixels, if stored.packed() { (1 << bits) - 1 } else { u16::MAX });
         }
-        let channels = Channels { n: samples, colour: photometric == 2, planar: stored.planar };
+        let channels = match photometric {
+            5 => Channels { n: 3, colour: true, planar: false },
+            _ => Channels { n: samples, colour: photometric == 2, planar: stored.planar },
+        };
         if photometric == 3 {
             let index = channels.first(pixels);
             let map = self.colour_map(bytes)?;
             let (pixels, white) = apply_map(index, &map, bits, &mut notes)?;
             return Ok(Raw { width, height, channels: Channels::GREY, pixels, white, notes, taken: None, orientation });
+        }
+        if photometric == 5 {
+            pixels = of_inks(pixels);
+            notes.push("inks (CMYK) become red, green and blue".into());
         }
         if photometric == 6 {
             notes.push("Y Cb Cr colours: the grey levels are Y".into());
@@ -436,7 +447,7 @@ impl Directory {
     }
 
     /// How the page is stored; what cannot be read or cannot be meant is refused here.
-    fn storage(&self, bytes: &[u8], accepted: Accepted) -> Result<Storage, ImageFault> {
+    fn storage<B: Bytes + ?Sized>(&self, bytes: &B, accepted: Accepted) -> Result<Storage, ImageFault> {
         let missing = |what| ImageFault::Corrupt(format!("the page does not say its {what}"));
         let width = self.value(bytes, WIDTH).ok_or_else(|| missing("width"))?;
         let height = self.value(bytes, HEIGHT).ok_or_else(|| missing("height"))?;
@@ -455,11 +466,14 @@ impl Directory {
             32773 => 64,
             8 | 32946 => 1100,
             5 | 7 => 4096,
+            50000 => 32768,
             other => return unsupported(format!("compression {other}{}", compression_name(other))),
         };
         match photometric {
             0 | 1 | 3 => {}
             2 if samples >= 3 => {}
+            5 if samples == 4 && matches!(bits, 8 | 16) && compression != 7 && self.value(bytes, PLANAR) != Some(2) => {
+            }
             6 if compression == 7 => {} // Y of Y Cb Cr is the grey level
             other => return unsupported(format!("photometric interpretation {other}{}", photometric_name(other))),
         }
@@ -616,7 +630,6 @@ fn compression_name(code: u64) -> &'static str {
         34713 => " (raw file of a Nikon camera)",
         34887 => " (LERC)",
         34925 => " (LZMA)",
-        50000 => " (Zstandard)",
         50001 => " (WebP)",
         50002 | 52546 => " (JPEG XL)",
         _ => "",
@@ -627,7 +640,7 @@ fn photometric_name(code: u64) -> &'static str {
     match code {
         2 => " (RGB with fewer than three channels)",
         4 => " (mask)",
-        5 => " (CMYK)",
+        5 => " (CMYK packed as JPEG, or in planes)",
         6 => " (Y Cb Cr without JPEG)",
         8..=10 => " (Lab)",
         34892 => " (linear raw)",

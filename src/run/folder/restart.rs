@@ -6,9 +6,8 @@
 
 use crate::backend::GreyTransfer;
 use crate::correlate::{Correlation, Start};
-use crate::digest::sha256_hex;
 use crate::field::{Measurement, Status, UpdateReference};
-use crate::io::images::Accepted;
+use crate::io::images::{Accepted, ReadError};
 use crate::io::series::Frame;
 use crate::io::store::{Store, StoreHeader};
 use crate::mesh::Mesh;
@@ -96,9 +95,13 @@ impl FrameRecord {
 
     /// Whether the image is another than the one that was measured. Where size and time are the same, nothing is read; a
     /// file that is gone says nothing.
-    fn is_of_another(&self, image: &Path) -> bool {
-        let (Some(was), Some(is)) = (&self.image, Stamp::of(image)) else { return false };
-        *was != is && fs::read(image).is_ok_and(|bytes| self.sha256.as_deref() != Some(&*sha256_hex(&bytes)))
+    fn is_of_another(&self, image: &Frame) -> bool {
+        let (Some(was), Some(is)) = (&self.image, Stamp::of(&image.path)) else { return false };
+        *was != is
+            && match image.sha256() {
+                Ok(sha256) => self.sha256.as_ref() != Some(&sha256),
+                Err(error) => !matches!(error, ReadError::Io(..) | ReadError::NotFound(_)),
+            }
     }
 
     /// Whether its files are as long as they were written.
@@ -171,7 +174,7 @@ impl Earlier {
                     && (!status.has_field() || has_tables())
                     && (!is_new(time) || store.check(number).is_ok());
                 let image = number.checked_sub(1).and_then(|at| frames.get(at));
-                let is_replaced = whole && image.is_some_and(|image| record.is_of_another(&image.path));
+                let is_replaced = whole && image.is_some_and(|image| record.is_of_another(image));
                 whole.then_some((record.summary, record.sha256, is_replaced))
             };
             Some((number, whole()))

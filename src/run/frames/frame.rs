@@ -24,6 +24,8 @@ pub(crate) struct Frames<'a> {
     pub accepted: Accepted,
     /// The rectangles that hold the zones, px: x0, y0, x1, y1.
     pub windows: &'a [[usize; 4]],
+    /// Smallest and largest grey level of the reference.
+    pub range: (f32, f32),
     /// Which blocks of the reference have one grey level.
     pub flat: &'a FlatBlocks,
     pub start: StartFrom,
@@ -68,6 +70,7 @@ pub(crate) struct Picture {
     pub image: Arc<Image>,
     pub sha256: String,
     pub taken: Option<String>,
+    pub time_s: Option<f64>,
     pub notes: Vec<String>,
     /// With the generation of its correlator.
     pub uploaded: Option<(usize, Uploaded)>,

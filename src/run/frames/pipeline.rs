@@ -9,6 +9,7 @@ use crate::io::watch::read_whole;
 use crate::run::frames::relay::Relay;
 use crate::run::frames::worker::{Worker, correlate};
 use crate::run::frames::{Decoded, Done, Engine, Frames, Picture};
+use crate::run::words::remarks::another_scale;
 use crate::run::words::{Result, RunError, thread};
 use rayon::ThreadPool;
 use std::path::PathBuf;
@@ -170,12 +171,9 @@ fn decode(
         let saturation = loaded.as_ref().ok().and_then(|loaded| Saturation::of(&loaded.image, frames.windows));
         let flat = loaded.as_ref().ok().map(|loaded| FlatBlocks::of(&loaded.image));
         let blank = flat.and_then(|flat| flat.blank(frames.flat, frames.windows));
-        let loaded = loaded.map(|Loaded { image, sha256, taken, notes, .. }| Picture {
-            image: Arc::new(image),
-            sha256,
-            taken,
-            notes,
-            uploaded: None,
+        let loaded = loaded.map(|Loaded { image, sha256, taken, time_s, mut notes, .. }| {
+            notes.extend(another_scale(&image, frames.range));
+            Picture { image: Arc::new(image), sha256, taken, time_s, notes, uploaded: None }
         });
         let seconds = begin.elapsed().as_secs_f64();
         if out.send(Decoded { number, frame, loaded, saturation, blank, seconds }).is_err() {

@@ -3,6 +3,7 @@
 
 use crate::correlate::{Correlate, Correlation, Overlap, ReferenceChain, Start, UpdateRefused};
 use crate::field::{StartFrom, UpdateReference};
+use crate::io::images::ReadError;
 use crate::io::series::Frame;
 use crate::remark::Remark;
 use crate::report::summary::FrameSummary;
@@ -245,11 +246,14 @@ fn one_frame<'a>(
     let mut picture = match loaded {
         Ok(picture) => picture,
         Err(error) => {
-            let summary = FrameSummary::unreadable(number, file, chain(&error), seconds_decode);
+            let mut summary = FrameSummary::unreadable(number, file, chain(&error), seconds_decode);
+            if let ReadError::OtherSize { width, height, .. } = error {
+                summary.size_px = Some([width, height]);
+            }
             return Ok((Done::unreadable(None, summary), without_field(turn)?));
         }
     };
-    let (sha256, taken) = (Some(picture.sha256.clone()), picture.taken.take());
+    let (sha256, taken, time_s) = (Some(picture.sha256.clone()), picture.taken.take(), picture.time_s);
     let mut remarks: Vec<Remark> = of_image(number, &picture.notes).into_iter().collect();
     let correlated = match (worker, &turn) {
         (Worker::Tracking(_, own), Some(turn)) => track(engine, (pool, own.as_ref()), frames, turn, number, picture)
@@ -273,6 +277,7 @@ fn one_frame<'a>(
             let mut summary = FrameSummary::of(number, file, remarks, &correlator, &result, [seconds, seconds_decode]);
             let device = correlator.device();
             summary.taken = taken;
+            summary.time_s = time_s;
             summary.device = (device != engine.first_device()).then(|| device.to_owned());
             let summary = summary.with_saturation(saturation).with_blank(blank);
             let start = result.next_start();

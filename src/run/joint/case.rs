@@ -5,7 +5,7 @@ use crate::backend::gpu::GpuOptions;
 use crate::field::Status;
 use crate::identify::{Case, first_order};
 use crate::io::case::CaseRigidMotion;
-use crate::io::images::sha256;
+use crate::io::images::{PagedFile, sha256};
 use crate::io::joint::{JointInput, read_joint};
 use crate::io::run_case::read_run_case;
 use crate::io::series::Frame;
@@ -202,16 +202,16 @@ fn with_other_rigid_motion(
 /// One hash of all that the measurement depends on: version, options, images.
 fn inputs_of(plan: &Plan) -> Result<String> {
     let files: Vec<&Frame> = plan.reference.iter().chain(&plan.deformed).collect();
-    let mut hashes: BTreeMap<&Path, String> = BTreeMap::new();
-    for frame in &files {
-        if !hashes.contains_key(frame.path.as_path()) {
-            // A file that cannot be read has no hash: the correlation says what is the matter.
-            let hash = fs::read(&frame.path).map_or_else(|_| "unreadable".to_owned(), |bytes| sha256(&bytes));
-            hashes.insert(&frame.path, hash);
+    let (mut images, mut open) = (Vec::new(), None);
+    for frame in files {
+        if !matches!(&open, Some((path, _)) if *path == &frame.path) {
+            open = Some((&frame.path, PagedFile::open(&frame.path).ok()));
         }
+        // A file that cannot be read has no hash: the correlation says what is the matter.
+        let file = open.as_mut().and_then(|(_, file)| file.as_mut());
+        let hash = file.and_then(|file| file.sha256(frame.page).ok());
+        images.push(format!("{frame} {}", hash.as_deref().unwrap_or("unreadable")));
     }
-    let images: Vec<String> =
-        files.iter().filter_map(|frame| Some(format!("{frame} {}", hashes.get(frame.path.as_path())?))).collect();
     let options = crate::io::case::write_case(&plan.to_case_file());
     let about = format!("{} {:?} {}", env!("CARGO_PKG_VERSION"), plan.device, plan.isa.name());
     Ok(sha256(format!("{about}\n{options}\n{}", images.join("\n")).as_bytes()))

@@ -1,6 +1,6 @@
 //! The forward model of a joint: what `quadrille simulate` does.
 
-use crate::identify::Case;
+use crate::identify::{Case, implausible_simulation};
 use crate::io::case::CasePathControl;
 use crate::io::joint::{JointInput, read_joint};
 use crate::mechanics::{EnergyOptions, FollowOptions, Followed, ForwardOptions, Joint, PathEnd, Solution};
@@ -35,6 +35,7 @@ pub fn simulate(
     let input = read_joint(case)?;
     // Uncertainties that [substrate] may state are for `identify`.
     let mut joint = Case::joint(&input)?;
+    joint.remarks.extend(implausible_simulation(&joint)?);
     let follow = follow_options(&input)?;
     let folder = RunFolder::for_joint(output, overwrite, true)?;
 

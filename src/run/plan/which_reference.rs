@@ -1,5 +1,6 @@
 //! Which file of a series is the reference, when nobody says: what the names of the files have to say about it.
 
+use crate::io::images::Foreign;
 use crate::io::series::{NameOrder, two_cameras};
 use crate::remark::Remark;
 use crate::run::words::{Result, RunError, remarks};
@@ -17,13 +18,16 @@ const NO_IMAGE: &[&str] = &[
 ];
 
 /// Takes the files out that are no images by their ending and by how they begin, as long as images are left; gives
-/// them.
+/// them. A video stays beside one image, which is its reference.
 pub(crate) fn without_texts(files: &mut Vec<PathBuf>) -> Vec<PathBuf> {
     let is_text = |path: &Path| {
         let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
         ending.is_some_and(|ending| NO_IMAGE.contains(&ending.as_str())) && path.is_file() && !begins_as_image(path)
     };
-    let texts: Vec<PathBuf> = files.iter().filter(|path| is_text(path)).cloned().collect();
+    let mut texts: Vec<PathBuf> = files.iter().filter(|path| is_text(path)).cloned().collect();
+    if texts.len() + 1 == files.len() && texts.iter().filter(|path| Foreign::is_film_at(path)).count() == 1 {
+        texts.retain(|path| !Foreign::is_film_at(path));
+    }
     if texts.len() == files.len() {
         return Vec::new();
     }

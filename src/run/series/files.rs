@@ -298,13 +298,13 @@ impl<'a> PreparedSeries<'a> {
         let (reference, drawn) = (&self.reference, self.drawn.as_slice());
         let Session { stop, shard, .. } = session;
         let windows = windows(correlator.mesh());
-        let flat = FlatBlocks::of(&self.reference);
         let frames = Frames {
             known: &plan.deformed,
             settle: camera.as_ref().map(Camera::settle),
             accepted: plan.accepted.of_size(self.reference.width(), self.reference.height()),
             windows: &windows,
-            flat: &flat,
+            range: self.reference.range(),
+            flat: &FlatBlocks::of(&self.reference),
             start: plan.options.start,
             update: plan.update,
             kept: &before.kept,

@@ -21,6 +21,8 @@ use std::sync::Arc;
 const RECORD: &str = "import.json";
 /// Two points are the same place where they are closer than this share of their mean distance.
 const SAME_PLACE: f64 = 0.05;
+/// So many points are kept from looking for places to writing fields, 0.3 GB; beyond, the files are read twice.
+const MOST_KEPT: usize = 5_000_000;
 
 /// What to import.
 #[derive(Debug, Clone, Default)]
@@ -73,7 +75,7 @@ pub struct Imported {
 /// # Errors
 /// Files that cannot be read, points that form no grid, no standard uncertainty, a folder that cannot be written.
 pub fn import_fields(import: &Import, output: &Path, overwrite: bool) -> Result<Imported> {
-    let places = Places::of_files(import)?;
+    let (places, kept) = Places::of_files(import)?;
     let Some((zones, of_node)) = elements_of_points(&places.points) else {
         return Err(places.no_grid(import));
     };
@@ -94,8 +96,10 @@ pub fn import_fields(import: &Import, output: &Path, overwrite: bool) -> Result<
         .enumerate()
         .for_each(|(node, &place)| node_at.iter_mut().skip(place).take(1).for_each(|at| *at = Some(node)));
     let (mut number, mut n_empty, mut n_invalid) = (0, 0, 0);
-    for file in &import.files {
-        for frame in read_points(file, &import.options)? {
+    let again = if kept.is_empty() { import.files.as_slice() } else { &[] };
+    let again = again.iter().map(|file| read_points(file, &import.options).map_err(RunError::from));
+    for frames in std::iter::once(Ok(kept)).chain(again) {
+        for frame in frames? {
             number += 1;
             n_invalid += frame.n_invalid;
             if frame.points.is_empty() {
@@ -149,8 +153,9 @@ struct Places {
 }
 
 impl Places {
-    /// Reads all files once.
-    fn of_files(import: &Import) -> Result<Self> {
+    /// Reads all files, and gives their frames where these fit in the memory.
+    fn of_files(import: &Import) -> Result<(Self, Vec<FieldPoints>)> {
+        let (mut kept, mut n_points) = (Vec::new(), 0);
         let mut places = Self {
             layout: "",
             program: "",
@@ -178,12 +183,19 @@ impl Places {
                     .into());
                 }
                 places.add(&frame).map_err(|why| format!("{}: {why}", file.display()))?;
+                n_points += frame.points.len();
+                if n_points <= MOST_KEPT {
+                    kept.push(frame);
+                }
             }
         }
         if places.points.is_empty() {
             return Err("no file has a valid point".into());
         }
-        Ok(places)
+        if n_points > MOST_KEPT {
+            kept.clear();
+        }
+        Ok((places, kept))
     }
 
     /// Takes the places of a frame; why it is none, where two of its points are at one.

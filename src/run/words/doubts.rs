@@ -28,6 +28,7 @@ pub(crate) fn about_series(
     let motion = Motion::of(summary);
     let mut said = copies(summary, hashes, references);
     said.extend(find_dropped(&summary.frames.iter().map(|frame| frame.file.as_str()).collect::<Vec<_>>()));
+    said.extend(of_other_size(summary));
     said.extend(blank(summary));
     said.extend(taken_out_of_order(&summary.frames, |order| motion.is_shorter(order)));
     said.extend(fixed_pattern(&summary.frames));
@@ -76,6 +77,30 @@ fn copies(summary: &Summary, hashes: &BTreeMap<usize, Option<String>>, reference
         said.push(Remark::new(Code::FramesCopied, About::Frames(numbers.clone()), text));
     }
     said
+}
+
+/// Images that are not as large as the reference, counted: whether it is they that are odd, or the reference.
+fn of_other_size(summary: &Summary) -> Option<Remark> {
+    let mut sizes: BTreeMap<[u64; 2], Vec<usize>> = BTreeMap::new();
+    for frame in &summary.frames {
+        frame.size_px.into_iter().for_each(|size| sizes.entry(size).or_default().push(frame.number));
+    }
+    let n: usize = sizes.values().map(Vec::len).sum();
+    let (&[width, height], _) = sizes.iter().max_by_key(|(_, numbers)| numbers.len())?;
+    let (of_reference, others) = (&summary.reference, summary.frames.len() - n);
+    let own = format!("{} x {} px", of_reference.width_px, of_reference.height_px);
+    let text = if others == 0 && sizes.len() == 1 {
+        format!("all {n} frames are {width} x {height} px, and the reference alone is {own}: name another reference")
+    } else {
+        let named: Vec<String> = sizes
+            .iter()
+            .map(|([width, height], numbers)| format!("{} {width} x {height} px", name_frames_are(numbers)))
+            .collect();
+        format!("{}; the other {others} are {own} like the reference", named.join(", "))
+    };
+    let numbers = sizes.into_values().flatten().collect();
+    let remark = Remark::new(Code::FramesOfOtherSize, About::Frames(numbers), text).with("frames", n);
+    Some(remark.with("width_px", width as usize).with("height_px", height as usize))
 }
 
 /// Numbers that the names of a series skip: the camera dropped frames, or they were not copied.

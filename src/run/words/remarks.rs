@@ -6,7 +6,7 @@ use crate::camera::{Rectifier, USUAL_DISTORTION};
 use crate::correlate::{BareBorder, Correlation, NoiseColour, Reference, StartUsed, TextureFault, UpdateRefused};
 use crate::field::Status;
 
-use crate::imaging::{GreyDepth, Image, OddLevels, Saturation};
+use crate::imaging::{GreyDepth, Image, Levels, OddLevels, Saturation};
 use crate::io::case::{CaseCamera, CaseZone};
 use crate::io::images::Foreign;
 use crate::io::series::{NameOrder, TwoCameras, natural_order};
@@ -125,6 +125,19 @@ pub(crate) fn cameras_mixed(found: &TwoCameras) -> Remark {
 /// What there is to know of the file of frame `number`.
 pub(crate) fn of_image(number: usize, notes: &[String]) -> Option<Remark> {
     (!notes.is_empty()).then(|| Remark::new(Code::ImageFile, About::Frames(vec![number]), notes.join("; ")))
+}
+
+/// Why an image of floats may not be found: its grey levels (or one hot pixel) span another scale than the `reference`.
+pub(crate) fn another_scale(image: &Image, reference: (f32, f32)) -> Option<String> {
+    const SCALE: f32 = 20.0;
+    let [own, other] = [image.range(), reference].map(|(low, high)| high - low);
+    let is_far = matches!(image.pixels(), Levels::F32(_)) && !(1.0 / SCALE..SCALE).contains(&(own / other));
+    is_far.then(|| {
+        format!(
+            "its grey levels span {own:.4}, those of the reference {other:.4}: save all images on one scale, and without \
+             pixels far beyond the others"
+        )
+    })
 }
 
 /// The same of a file of the reference.

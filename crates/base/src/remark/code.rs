@@ -227,6 +227,10 @@ codes! {
             "Frames are copies of the same file."
             "The camera or a script wrote one image several times."
             "Leave the copies out.";
+        FramesOfOtherSize "frames-of-other-size" Warning
+            "Images are not as large as the reference."
+            "They cannot be measured from it: another camera, a crop, or a picture of the set-up."
+            "Leave them out; where all differ, name another reference.";
         FramesMissing "frames-missing" Warning
             "The numbers in the names of the frames have gaps."
             "A frame that was dropped shifts the loads and times of those after it."

@@ -6,6 +6,7 @@
 mod archive;
 mod border;
 mod layout;
+mod mat;
 mod node_table;
 mod table;
 mod write;
@@ -201,15 +202,13 @@ pub fn read_points(path: &Path, options: &FieldOptions) -> Result<Vec<FieldPoint
 pub fn parse_points(bytes: &[u8], path: &Path, options: &FieldOptions) -> Result<Vec<FieldPoints>, FieldError> {
     let kind = |what, todo| Err(FieldError::Kind { path: path.to_owned(), what, todo });
     match bytes {
-        [b'P', b'K', 3, 4, ..] => archive::parse(bytes, path, options),
+        [b'P', b'K', 3, 4, ..] => archive::parse(archive::of_numpy(bytes), path, options),
         [0x89, b'H', b'D', b'F', ..] | [b'M', b'A', b'T', b'L', b'A', b'B', b' ', b'7', ..] => kind(
             "an HDF5 file (MATLAB 7.3, as Ncorr saves), which needs a C library",
             "write the fields as a table: in MATLAB of Ncorr, d = data_dic_save.displacements(1); [r, c] = \
              find(d.roi_dic.mask); writetable(table(x, y, u, v), 'frame1.csv') with positions in px",
         ),
-        [b'M', b'A', b'T', b'L', b'A', b'B', ..] => {
-            kind("a file of MATLAB", "write the fields as a table, writetable(table(x, y, u, v), 'frame1.csv')")
-        }
+        [b'M', b'A', b'T', b'L', b'A', b'B', ..] => archive::parse(mat::read_arrays(bytes), path, options),
         _ => table::parse(bytes, path, options).map(|points| vec![points]),
     }
 }

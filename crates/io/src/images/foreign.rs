@@ -19,6 +19,9 @@ enum Kind {
     Other,
 }
 
+/// A stream without an index.
+const MPEG: &str = "a video (MPEG)";
+
 /// Beginnings of files: at which byte, with what, and what the file is.
 const BEGINNINGS: [(usize, &[u8], &str, Kind); 21] = [
     (8, b"AVI ", "a video (AVI)", Kind::Video),
@@ -31,8 +34,8 @@ const BEGINNINGS: [(usize, &[u8], &str, Kind); 21] = [
     (4, b"moov", "a video (MOV)", Kind::Video),
     (0, b"\x1a\x45\xdf\xa3", "a video (MKV or WebM)", Kind::Video),
     (0, b"\x30\x26\xb2\x75", "a video (WMV)", Kind::Video),
-    (0, b"\0\0\x01\xba", "a video (MPEG)", Kind::Video),
-    (0, b"\0\0\x01\xb3", "a video (MPEG)", Kind::Video),
+    (0, b"\0\0\x01\xba", MPEG, Kind::Video),
+    (0, b"\0\0\x01\xb3", MPEG, Kind::Video),
     (0, b"CI\x2c\0", "a film of a high-speed camera (cine)", Kind::Camera),
     (0, b"\x93NUMPY", "an array of NumPy (npy)", Kind::Arrays),
     (0, b"MATLAB 5.0", "a file of MATLAB (mat)", Kind::Arrays),
@@ -82,11 +85,26 @@ impl Foreign {
         Self::of(path, &head)
     }
 
+    /// Whether the file `path` is a video or the film of a camera.
+    pub fn is_film_at(path: &Path) -> bool {
+        Self::at(path).is_some_and(Self::is_film)
+    }
+
+    /// Whether frames may be read from it.
+    pub(crate) fn is_film(self) -> bool {
+        matches!(self.kind, Kind::Video | Kind::Camera)
+    }
+
+    /// Whether a video says where its frames are.
+    pub(super) fn has_index(self) -> bool {
+        self.what != MPEG
+    }
+
     /// What makes images of it.
     pub fn remedy(self, path: &Path) -> String {
         match self.kind {
             Kind::Video => format!(
-                "take it apart first, for example: ffmpeg -i {} -pix_fmt gray frame_%05d.png",
+                "install ffmpeg, or take it apart first, for example: ffmpeg -i {} -pix_fmt gray frame_%05d.png",
                 crate::text::shell_word(&path.display().to_string())
             ),
             Kind::Camera => "save its frames as TIFF with the program of the camera".to_owned(),

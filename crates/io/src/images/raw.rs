@@ -63,10 +63,26 @@ pub(crate) enum ImageFault {
     Truncated(String),
     Corrupt(String),
     Unsupported(String),
-    TooLarge { width: u64, height: u64, max_mpx: u32 },
-    OtherSize { width: u64, height: u64, wanted: [usize; 2] },
-    Memory { width: u64, height: u64, bytes: u128 },
-    NoSuchPage { pages: usize },
+    TooLarge {
+        width: u64,
+        height: u64,
+        max_mpx: u32,
+    },
+    OtherSize {
+        width: u64,
+        height: u64,
+        wanted: [usize; 2],
+    },
+    Memory {
+        width: u64,
+        height: u64,
+        bytes: u128,
+    },
+    NoSuchPage {
+        pages: usize,
+    },
+    /// A video of which no frame can be read: what it is, why, and what to do.
+    Film(&'static str, String, String),
 }
 
 /// How the samples of an image lie in memory.

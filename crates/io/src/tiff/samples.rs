@@ -39,7 +39,7 @@ fn whole<T: Copy + TryInto<u16> + TryInto<i128>>(samples: &[T], kind: &str, note
 }
 
 /// Numbers of `bits` < 16 bits, most significant bit first, each row from a new byte.
-pub(super) fn split_bits(rows: &[u8], width: usize, height: usize, bits: usize) -> Result<Pixels, ImageFault> {
+pub(crate) fn split_bits(rows: &[u8], width: usize, height: usize, bits: usize) -> Result<Pixels, ImageFault> {
     let stride = (width * bits).div_ceil(8);
     if rows.len() != stride * height {
         return Err(ImageFault::Corrupt(format!("{} bytes where {} are needed", rows.len(), stride * height)));
@@ -68,6 +68,21 @@ pub(super) fn invert(pixels: &mut Pixels, highest: u16) {
         }
         Pixels::U16(levels) => levels.iter_mut().for_each(|v| *v = highest - *v),
         Pixels::F32(levels) => levels.iter_mut().for_each(|v| *v = 1.0 - *v),
+    }
+}
+
+/// Red, green and blue of cyan, magenta, yellow and black, each of which takes light away.
+pub(super) fn of_inks(pixels: Pixels) -> Pixels {
+    match pixels {
+        Pixels::U8(inks) => {
+            let left = |ink: u8, black: u8| (u16::from(255 - ink) * u16::from(255 - black) / 255) as u8;
+            Pixels::U8(inks.as_chunks().0.iter().flat_map(|&[c, m, y, k]| [c, m, y].map(|ink| left(ink, k))).collect())
+        }
+        Pixels::U16(inks) => {
+            let left = |ink: u16, black: u16| (u32::from(65535 - ink) * u32::from(65535 - black) / 65535) as u16;
+            Pixels::U16(inks.as_chunks().0.iter().flat_map(|&[c, m, y, k]| [c, m, y].map(|ink| left(ink, k))).collect())
+        }
+        floats => floats,
     }
 }
 

@@ -1,6 +1,6 @@
 //! When an image was taken: tags of the page, and those of EXIF, which JPEG and PNG hold as a small TIFF file.
 
-use super::{ByteLayout, Directory};
+use super::{ByteLayout, Bytes, Directory};
 
 /// The tags of a time and of the fraction of its second, the surest first: original, made digital, and of the file.
 const TIMES: [(u16, u16); 3] = [(36867, 37521), (36868, 37522), (306, 37520)];
@@ -18,18 +18,18 @@ pub(crate) fn taken_of_exif(data: &[u8]) -> Option<String> {
 }
 
 /// The time of a page, by the clock of the camera: `2024-05-01T10:11:12.25`.
-pub(super) fn read_time(page: &Directory, bytes: &[u8]) -> Option<String> {
+pub(super) fn read_time<B: Bytes + ?Sized>(page: &Directory, bytes: &B) -> Option<String> {
     let exif = page.value(bytes, EXIF).and_then(|at| usize::try_from(at).ok());
     let exif = exif.and_then(|at| Directory::read(page.file, bytes, at).ok());
     let text = |tag| exif.iter().chain([page]).find_map(|directory| directory.text(bytes, tag));
     TIMES.into_iter().find_map(|(time, fraction)| {
-        let mut time = date_and_time(text(time)?)?;
-        let digits = text(fraction).map(|digits| digits.trim().trim_end_matches('0')).filter(|digits| {
+        let mut time = date_and_time(&text(time)?)?;
+        let digits = text(fraction).map(|digits| digits.trim().trim_end_matches('0').to_owned()).filter(|digits| {
             (1..=MOST_DIGITS).contains(&digits.len()) && digits.bytes().all(|digit| digit.is_ascii_digit())
         });
         if let Some(digits) = digits {
             time.push('.');
-            time.push_str(digits);
+            time.push_str(&digits);
         }
         Some(time)
     })

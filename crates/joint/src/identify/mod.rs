@@ -29,7 +29,7 @@ pub use doubt::discretisation::Refinement;
 pub use doubt::left_out::LeftOut;
 pub use doubt::misfit::{Misfit, MisfitGroup};
 pub use doubt::missing_mode::{MissingMode, Mode, opening_share};
-pub use doubt::plausibility::{implausible_joint, implausible_result};
+pub use doubt::plausibility::{implausible_joint, implausible_result, implausible_simulation};
 pub use doubt::released::{Released, ReleasedParameter};
 pub use doubt::released_width::ReleasedWidth;
 pub use doubt::rotations::{ROTATIONS_HELD, ROTATIONS_TOLD, Rotations, describe_change};

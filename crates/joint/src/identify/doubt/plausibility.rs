@@ -25,6 +25,8 @@ const LARGEST_EXPONENT: f64 = 50.0;
 const LARGEST_TRACTION: f64 = 0.05;
 /// Largest traction over the yield stress of the strips: they would flow instead.
 const LARGEST_OVER_YIELD: f64 = 5.0;
+/// Least of the largest tractions of a law, MPa: a thousandth of a pascal, far below the weight of the strips.
+const LEAST_TRACTION: f64 = 1e-9;
 /// Works of separation, N/mm: below the first breaks like nothing that is glued, above the second like no adhesive.
 const WORK: [f64; 2] = [1e-3, 100.0];
 /// Scale of images, mm per pixel.
@@ -49,21 +51,9 @@ fn implausible(code: Code, name: impl Into<String>, value: f64, unit: &str, text
 /// What is implausible of a case: materials, thickness and scale (`mm_per_px`, where it is known) of its joint, and the
 /// law that its fit starts from beside the measured jumps.
 pub fn implausible_joint(problem: &Problem<'_>, mm_per_px: Option<f64>) -> Vec<Remark> {
-    let joint = problem.joint;
-    let mut found = Vec::new();
     let law = problem.unknowns.law();
-    let (model, groups) = (&joint.model, joint.model.mesh().groups());
-    let mut seen: Vec<(&str, Vec<f64>)> = Vec::new();
-    for (material, group) in model.materials().iter().zip(groups) {
-        let same = (material.name(), material.values());
-        if seen.contains(&same) {
-            continue;
-        }
-        let of_group = if seen.is_empty() { String::new() } else { format!(" of {group}") };
-        of_material(&**material, &of_group, law, &mut found);
-        seen.push(same);
-    }
-    lengths(joint, mm_per_px, &mut found);
+    let mut found = Vec::new();
+    of_joint(problem.joint, law, mm_per_px, &mut found);
     if let Some(measured) = largest_jumps(problem) {
         let peak = at_peak(law);
         if measured.normal < LOADED_AT_START * peak.normal && measured.tangential < LOADED_AT_START * peak.tangential {
@@ -85,6 +75,38 @@ pub fn implausible_joint(problem: &Problem<'_>, mm_per_px: Option<f64>) -> Vec<R
         }
     }
     found
+}
+
+/// What is implausible of a joint that is computed with the law of its case: materials, thickness, law.
+///
+/// # Errors
+/// A law that carries so little that nothing is held: the joint would be looked for for minutes.
+pub fn implausible_simulation(joint: &Joint) -> Result<Vec<Remark>, FitError> {
+    let peak = joint.law.peak();
+    if let Some(least) = [peak.normal, peak.tangential].into_iter().find(|peak| *peak > 0.0 && *peak < LEAST_TRACTION) {
+        let what = format!("the largest traction of the law is {least:.3e} MPa, which holds nothing: is it in MPa?");
+        return Err(wrong("cohesive", "law", what));
+    }
+    let mut found = Vec::new();
+    of_joint(joint, &*joint.law, None, &mut found);
+    of_law(joint, &*joint.law, &mut found);
+    Ok(found)
+}
+
+/// What is implausible of materials and lengths.
+fn of_joint(joint: &Joint, law: &dyn CohesiveLaw, mm_per_px: Option<f64>, found: &mut Vec<Remark>) {
+    let (model, groups) = (&joint.model, joint.model.mesh().groups());
+    let mut seen: Vec<(&str, Vec<f64>)> = Vec::new();
+    for (material, group) in model.materials().iter().zip(groups) {
+        let same = (material.name(), material.values());
+        if seen.contains(&same) {
+            continue;
+        }
+        let of_group = if seen.is_empty() { String::new() } else { format!(" of {group}") };
+        of_material(&**material, &of_group, law, found);
+        seen.push(same);
+    }
+    lengths(joint, mm_per_px, found);
 }
 
 /// What is implausible of a case and not named as `meant` by it.
@@ -114,9 +136,32 @@ pub(crate) fn unless_meant(found: Vec<Remark>, meant: &[String]) -> Result<Vec<R
 /// What is implausible of the law that a fit ended at, beside its strips and the jumps that the joint reached.
 pub fn implausible_result(problem: &Problem<'_>, law: &dyn CohesiveLaw) -> Vec<Remark> {
     let mut found = Vec::new();
+    of_law(problem.joint, law, &mut found);
+    if let Some(measured) = largest_jumps(problem) {
+        let peak = at_peak(law);
+        let modes = [("opening", measured.normal, peak.normal), ("sliding", measured.tangential, peak.tangential)];
+        let weak: Vec<_> = modes.into_iter().filter(|(_, reached, at)| *reached < LOADED * at).collect();
+        for (mode, reached, at) in &weak {
+            let rest = match weak.len() {
+                2 => "only the first slope of the law was loaded, all else of it is extrapolated",
+                _ => {
+                    "this mode was only loaded in its initial elastic range; its later part is inferred from the other mode"
+                }
+            };
+            let what = format!(
+                "the joint's largest {mode} is {reached:.3e} mm, the law's largest traction lies at {at:.3e} mm: {rest}"
+            );
+            found.push(implausible(Code::LawHardlyLoaded, *mode, *reached, "mm", what));
+        }
+    }
+    found
+}
+
+/// Tractions beside what the strips can carry, and works of separation.
+fn of_law(joint: &Joint, law: &dyn CohesiveLaw, found: &mut Vec<Remark>) {
     let peak = law.peak();
     for (name, mode, peak) in [("T_n_max", "normal", peak.normal), ("T_t_max", "tangential", peak.tangential)] {
-        for material in problem.joint.model.materials() {
+        for material in joint.model.materials() {
             let sigma_0 = value(&**material, "sigma_0");
             let most = sigma_0.map_or(f64::INFINITY, |sigma_0| LARGEST_OVER_YIELD * sigma_0);
             if peak > most.min(LARGEST_TRACTION * material.young()) {
@@ -141,24 +186,6 @@ pub fn implausible_result(problem: &Problem<'_>, law: &dyn CohesiveLaw) -> Vec<R
         let what = format!("{} = {extent}: are E in MPa and lengths in mm?", p.name);
         found.push(implausible(Code::LawImplausible, p.name, value, "N/mm", what));
     }
-    if let Some(measured) = largest_jumps(problem) {
-        let peak = at_peak(law);
-        let modes = [("opening", measured.normal, peak.normal), ("sliding", measured.tangential, peak.tangential)];
-        let weak: Vec<_> = modes.into_iter().filter(|(_, reached, at)| *reached < LOADED * at).collect();
-        for (mode, reached, at) in &weak {
-            let rest = match weak.len() {
-                2 => "only the first slope of the law was loaded, all else of it is extrapolated",
-                _ => {
-                    "this mode was only loaded in its initial elastic range; its later part is inferred from the other mode"
-                }
-            };
-            let what = format!(
-                "the joint's largest {mode} is {reached:.3e} mm, the law's largest traction lies at {at:.3e} mm: {rest}"
-            );
-            found.push(implausible(Code::LawHardlyLoaded, *mode, *reached, "mm", what));
-        }
-    }
-    found
 }
 
 fn value(material: &dyn SubstrateLaw, name: &str) -> Option<f64> {
