@@ -39,8 +39,9 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Outcome> {
 fn in_words(compared: &Comparison) -> String {
     let Comparison { frame, n_nodes, percent, rms_px, rms_sigma, largest_px, at_px: [x, y], .. } = compared;
     let mm = compared.rms_mm.map_or(String::new(), |mm| format!(" ({mm:.3e} mm)"));
+    let camera = compared.rms_sigma_with_camera.map_or(String::new(), |z| format!(" ({z:.2} with the camera's)"));
     format!(
-        "frame {frame}: measured less model {rms_px:.4} px{mm} rms, {rms_sigma:.2} standard uncertainties; largest \
+        "frame {frame}: measured less model {rms_px:.4} px{mm} rms, {rms_sigma:.2} standard uncertainties{camera}; largest \
          {largest_px:.4} px at ({x:.0}, {y:.0}); {n_nodes} nodes, {percent:.0} % of those measured"
     )
 }

@@ -82,6 +82,8 @@ pub struct Comparison {
     pub rms_mm: Option<f64>,
     /// The same in standard uncertainties of the measurement: 1 where only noise is between them.
     pub rms_sigma: f64,
+    /// The same in standard uncertainties of measurement and camera together; none of an exact camera.
+    pub rms_sigma_with_camera: Option<f64>,
     /// Largest difference, length of the vector, px.
     pub largest_px: f64,
     /// Where it is.
@@ -96,6 +98,9 @@ pub struct Comparison {
     /// What is compared with it, in the plane that the camera sees.
     #[serde(skip)]
     field: Measurement<Px>,
+    /// Standard uncertainty of each node by the camera, common to all of them, px; none of an exact camera.
+    #[serde(skip)]
+    of_camera: Option<Vec<[f64; 2]>>,
 }
 
 /// Compares frame `number` with the model. The model is brought to the nodes as the measurement brings the motion of the
@@ -137,10 +142,17 @@ pub fn compare(store: &Store, number: usize, model: &PlacedModel, without_rigid:
     };
     let n = 2.0 * pairs.len() as f64;
     let rms_px = (pairs.iter().flat_map(|(_, d)| d).map(|d| d * d).sum::<f64>() / n).sqrt();
-    let in_sigma = difference.iter().zip(&field.sigma).filter_map(|(d, sigma)| {
-        let [x, y] = (*d)?;
-        Some((x / sigma[0]).powi(2) + (y / sigma[1]).powi(2))
-    });
+    let in_sigma = |sigma: &[[f64; 2]]| {
+        let squares = difference.iter().zip(sigma).filter_map(|(d, sigma)| {
+            let [x, y] = (*d)?;
+            Some((x / sigma[0]).powi(2) + (y / sigma[1]).powi(2))
+        });
+        (squares.sum::<f64>() / n).sqrt()
+    };
+    let of_camera = camera_of_nodes(&camera, &field, &difference, rigid_motion.is_some());
+    let with_camera = |of_camera: &Vec<[f64; 2]>| -> Vec<[f64; 2]> {
+        field.sigma.iter().zip(of_camera).map(|(a, b)| [a[0].hypot(b[0]), a[1].hypot(b[1])]).collect()
+    };
     let n_measured = field.measured.iter().filter(|&&measured| measured).count();
     Ok(Comparison {
         frame: number,
@@ -150,14 +162,36 @@ pub fn compare(store: &Store, number: usize, model: &PlacedModel, without_rigid:
         percent: 100.0 * pairs.len() as f64 / n_measured.max(1) as f64,
         rms_px,
         rms_mm: store.header().pixel_size.map(|scale| scale.mm_from_px(rms_px)),
-        rms_sigma: (in_sigma.sum::<f64>() / n).sqrt(),
+        rms_sigma: in_sigma(&field.sigma),
+        rms_sigma_with_camera: of_camera.as_ref().map(|of_camera| in_sigma(&with_camera(of_camera))),
         largest_px: length(largest),
         at_px,
         rigid_motion,
         difference,
         model: seen,
         field,
+        of_camera,
     })
+}
+
+/// Standard uncertainty of each node by the camera; of what is left without a rigid motion where one is taken off.
+fn camera_of_nodes(
+    camera: &Rectifier,
+    field: &Measurement<Px>,
+    difference: &[Option<[f64; 2]>],
+    without_rigid: bool,
+) -> Option<Vec<[f64; 2]>> {
+    let mut squares = vec![[0.0; 2]; field.measured.len()];
+    for term in camera.terms(field) {
+        let places = field.mesh.nodes().iter().zip(&term.change);
+        let compared = places.clone().zip(difference).filter(|(_, d)| d.is_some());
+        let motion = without_rigid.then(|| RigidMotion::fit(compared.map(|((&at, &u), _)| (at, u)))).flatten();
+        for (sum, (&at, u)) in squares.iter_mut().zip(places) {
+            let rigid = motion.as_ref().map_or([0.0; 2], |motion| motion.displacement(at));
+            (0..2).for_each(|c| sum[c] += (u[c] - rigid[c]).powi(2));
+        }
+    }
+    (!camera.camera().is_exact()).then(|| squares.into_iter().map(|sum| sum.map(f64::sqrt)).collect())
 }
 
 fn length([x, y]: [f64; 2]) -> f64 {
@@ -178,6 +212,7 @@ impl Comparison {
             writeln!(out, "# lengths in px, y down; the model by {}; sigma of the measurement alone", self.method)?;
             write!(out, "node,x_px,y_px,ux_px,uy_px,model_ux_px,model_uy_px,difference_ux_px,difference_uy_px")?;
             write!(out, ",sigma_ux_px,sigma_uy_px,difference_ux_sigma,difference_uy_sigma")?;
+            write!(out, "{}", self.of_camera.as_ref().map_or("", |_| ",camera_ux_px,camera_uy_px"))?;
             writeln!(out, "{}", scale.map_or("", |_| ",difference_ux_mm,difference_uy_mm"))?;
             let nodes = field.mesh.nodes().iter().zip(&field.displacement).zip(&field.sigma);
             let compared = self.difference.iter().zip(&self.model);
@@ -187,6 +222,8 @@ impl Comparison {
                 let in_sigma = [d[0] / sigma[0], d[1] / sigma[1]];
                 let pairs = [at, u, model, d, sigma, &in_sigma];
                 pairs.into_iter().flatten().try_for_each(|v| write!(out, ",{v:?}"))?;
+                let of_camera = self.of_camera.as_ref().map(|list| list[node]);
+                of_camera.iter().flatten().try_for_each(|v| write!(out, ",{v:?}"))?;
                 if let Some(scale) = scale {
                     d.iter().try_for_each(|&v| write!(out, ",{:?}", scale.mm_from_px(v)))?;
                 }
