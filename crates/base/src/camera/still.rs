@@ -104,7 +104,7 @@ impl StillZones {
             let rows = nodes.map(|node| {
                 is_used[node] = true;
                 let white = [0, 1].map(|c| self.variance[node][c].sqrt() / field.sigma[node][c]);
-                let d = self.from_centre(field.mesh.nodes()[node]);
+                let d = self.about_centre(field.mesh.nodes()[node]);
                 let [x, y] = columns(d);
                 let [u, v] = displacement[node];
                 let whole = |of: [f64; UNKNOWNS], u: f64, white: f64| {
@@ -141,7 +141,7 @@ impl StillZones {
         Some(Similarity { centre: self.centre, unknowns, covariance, strain, squares, n_nodes })
     }
 
-    fn from_centre(&self, at: Point) -> Point {
+    fn about_centre(&self, at: Point) -> Point {
         [at[0] - self.centre[0], at[1] - self.centre[1]]
     }
 }
