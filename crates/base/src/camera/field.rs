@@ -1,6 +1,7 @@
 //! A measured field in the plane, and what the uncertainty of the camera does to it.
 
 use super::still::{Similarity, StillMotion, StillZones};
+use super::term::CameraTerm;
 use super::{Camera, CameraError, PARAMETERS, Theta};
 use crate::field::{Measurement, ModelError, PointField};
 use crate::mesh::Mesh;
@@ -49,16 +50,6 @@ pub struct Rectifier {
     plane: Arc<Mesh<Px>>,
     /// The zones that stay as they are.
     still: Option<StillZones>,
-}
-
-/// What a field is off when the camera is off by one standard uncertainty in one direction of its parameters: common to
-/// all nodes. Terms are independent of each other.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CameraTerm {
-    /// Its name in budgets: `lens` for k1, `lens_k2`, `tilt_x`, `distance`.
-    pub name: &'static str,
-    /// Change of the displacement of each node, px of the plane.
-    pub change: Vec<Point>,
 }
 
 impl Rectifier {

@@ -12,8 +12,10 @@ pub mod marked;
 mod model;
 mod shape;
 mod still;
+mod term;
 
-pub use field::{CameraTerm, Rectifier};
+pub use field::Rectifier;
 pub use model::Camera;
 pub use shape::{CameraError, CameraShape, Covariance, PARAMETERS, Theta, USUAL_DISTORTION};
 pub use still::StillMotion;
+pub use term::CameraTerm;

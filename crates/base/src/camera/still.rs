@@ -4,7 +4,8 @@
 use super::even_noise::EvenNoise;
 use super::marked::inverse_of;
 use super::model::times;
-use super::{CameraError, CameraTerm};
+use super::shape::CameraError;
+use super::term::CameraTerm;
 use crate::field::{Measurement, Value};
 use crate::linalg::Dense;
 use crate::mesh::Mesh;
