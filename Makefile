@@ -51,6 +51,7 @@ study: ## Uncertainty, identification over many seeds and draws, obstacles, for 
 	scripts/flicker.py --output out/study/flicker
 	-$(PYTHON) scripts/verdicts.py --out out/study/verdicts.md
 	-$(PYTHON) scripts/status.py
+	-$(PYTHON) scripts/camera.py
 
 fuzz: ## Attack all readers of files, guided by coverage, SECONDS=3600 for each; findings in out/fuzz
 	scripts/fuzz.sh $(or $(SECONDS),3600)

@@ -204,3 +204,81 @@ fn points_and_lengths_give_a_scale_and_a_file_of_opencv_is_a_camera() {
     desk.correlate("--case cv/run.toml --output again").fine();
     assert_eq!(desk.rows("again/csv/000001.csv"), desk.rows("cv/csv/000001.csv"));
 }
+
+/// A specimen, stretched by `strain` along x, between two rails of which the left is stretched by `bent`; all seen
+/// larger by `growth` and shifted.
+fn between_rails(strain: f64, bent: f64, growth: f64, seed: u64) -> Arc<Image> {
+    let middle = 0.5 * (SIDE as f64 - 1.0);
+    let stretched = |x: f64| match x {
+        x if x < 100.0 => 60.0 + (1.0 + bent) * (x - 60.0),
+        x if x > 412.0 => x,
+        x => middle + (1.0 + strain) * (x - middle),
+    };
+    let place = |[x, y]: [f64; 2]| {
+        let [x, y] = [stretched(x), y].map(|v| middle + (1.0 + growth) * (v - middle));
+        [x + 0.4, y - 1.3]
+    };
+    Spots::random(SIDE, SIGMA, 4).image([SIDE; 2], 1.0, seed, place)
+}
+
+#[test]
+fn zones_that_are_still_take_a_change_of_the_distance_off_and_tell_when_they_are_not() {
+    let desk = Desk::new();
+    for (name, strain, bent, growth, seed) in
+        [("a", 0.0, 0.0, 0.0, 1), ("b", 1e-3, 0.0, 4e-4, 2), ("c", 2e-3, 0.0, -1e-3, 3), ("d", 0.0, 3e-3, 0.0, 4)]
+    {
+        desk.image(&format!("{name}.png"), &between_rails(strain, bent, growth, seed));
+    }
+    let zone = |name: &str, x0: u32, x1: u32| format!("[[zone]]\nname = '{name}'\nroi = [{x0}, 40, {x1}, 470]\n");
+    let zones = [zone("specimen", 120, 392), zone("left", 24, 92), zone("right", 420, 488)].concat();
+    let gauge = "[[extensometer]]\nfrom = [140, 250]\nto = [370, 250]\nwidth_px = 300\n";
+    let case = |name: &str, still: &str| desk.write(name, format!("[camera]\nexact = true\n{still}\n{zones}{gauge}"));
+    case("held.toml", "still = ['left', 'right']");
+    case("free.toml", "");
+    case("wrong.toml", "still = ['rail']");
+    let line = "--element-size 17";
+    desk.correlate(&format!("{line} --case wrong.toml --output wrong a.png b.png"))
+        .refused(&["no zone 'rail'; there are specimen, left, right"]);
+    desk.correlate(&format!("{line} --case held.toml --output held a.png b.png c.png")).fine();
+    desk.correlate(&format!("{line} --case free.toml --output free a.png b.png c.png")).fine();
+    let numbers = |file: &str, names: &[&str]| -> Vec<Vec<f64>> {
+        let text = desk.read(file);
+        let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
+        let header = reader.headers().unwrap().clone();
+        let at: Vec<usize> =
+            names.iter().map(|name| header.iter().position(|column| column == *name).unwrap()).collect();
+        reader
+            .records()
+            .map(|row| row.unwrap())
+            .map(|row| at.iter().map(|&k| row[k].parse().unwrap()).collect())
+            .collect()
+    };
+    let strain = ["strain_engineering", "sigma_strain_engineering", "camera_strain_engineering"];
+    let held = numbers("held/quantities/extensometers.csv", &strain);
+    let free = numbers("free/quantities/extensometers.csv", &strain[..2]);
+    let distance = numbers("held/quantities/still.csv", &["distance_change", "sigma_distance_change", "squares"]);
+    for (k, (truth, growth)) in [(1e-3, 4e-4), (2e-3, -1e-3)].into_iter().enumerate() {
+        let (value, sigma) = (held[k][0], held[k][1].hypot(held[k][2]));
+        assert!((value - truth).abs() < 4.0 * sigma && held[k][2] > 0.0, "{held:?}");
+        // What is seen larger seems strained by as much: the gauge without still zones is off by that.
+        let (off, noise) = (free[k][0] - truth - growth * (1.0 + truth), free[k][1]);
+        assert!(off.abs() < 4.0 * noise && growth.abs() > 10.0 * noise, "{free:?}");
+        let change = 1.0 / (1.0 + growth) - 1.0;
+        assert!((distance[k][0] - change).abs() < 4.0 * distance[k][1], "{distance:?} {change}");
+        assert!(distance[k][1] < 0.1 * growth.abs() && distance[k][2] < 2.0, "{distance:?}");
+    }
+    // Pixels stay as the images show them.
+    let rows = ["held", "free"].map(|folder| desk.rows(&format!("{folder}/csv/000002.csv")));
+    assert_eq!(rows[0][0].px.displacement, rows[1][0].px.displacement);
+    let said = desk.remarks("held", Code::DistanceChanged);
+    assert!(said.len() == 1 && said[0].text.contains("dZ/Z = 1.00e-3") && said[0].text.contains("frame 2"), "{said:?}");
+    assert!(desk.remarks("held", Code::StillZones).is_empty());
+    // A rail that is stretched is told of; nothing need be asked for to have the table.
+    desk.correlate(&format!("{line} --case held.toml --output bent a.png d.png")).fine();
+    let said = desk.remarks("bent", Code::StillZones);
+    assert!(said.iter().any(|remark| remark.number("squares").is_some_and(|squares| squares > 4.0)), "{said:?}");
+    desk.write("bare.toml", format!("[camera]\nexact = true\nstill = ['left', 'right']\n{zones}"));
+    desk.correlate(&format!("{line} --case bare.toml --output bare a.png b.png")).fine();
+    assert_eq!(desk.read("bare/quantities/still.csv").lines().filter(|line| !line.starts_with('#')).count(), 2);
+    desk.run("probe bare --curves").fine();
+}

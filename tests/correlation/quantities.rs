@@ -625,7 +625,7 @@ fn tables(
         QuantityTables::new(quantities, load, plane, false, 16.0, &["a test\nof two lines".into()], open).unwrap();
     for (number, field) in (1..).zip(fields) {
         let status = field.map_or(Status::Diverged, |field| field.status);
-        tables.frame(number, Some(status), *field).unwrap();
+        tables.frame(number, Some(status), *field, None).unwrap();
     }
     let summary = tables.finish().unwrap();
     let files = std::fs::read_dir(folder.path()).unwrap().map(|entry| {

@@ -6,7 +6,8 @@ use quadrille::identify::{
 };
 use quadrille::io::case::{CaseExact, CaseFit, CaseForce, CaseMaterial, CaseSubstrate};
 use quadrille::io::joint::{
-    BoundaryInput, ForceInput, JointInput, JointMeshFile, MeasurementInput, MeasurementTable, MeshInput, read_joint,
+    BoundaryInput, ForceInput, JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput,
+    RunCamera, read_joint,
 };
 use quadrille::mechanics::cohesive::ExtendedXuNeedleman;
 use quadrille::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
@@ -274,6 +275,88 @@ fn the_effect_of_every_constant_is_what_a_refit_with_it_moved_changes() {
             }
         }
         assert!(moved_anything > 5, "{moved_anything}");
+    }
+}
+
+/// The same as a correlation run, with a camera that is off by a lens, a tilt and a distance.
+fn of_run(input: &JointInput) -> JointInput {
+    let (mesh, fields) = (mesh(), fields(Kinematics::Objective));
+    let file = JointMeshFile {
+        nodes: mesh.nodes().to_vec(),
+        elements: mesh.elements().to_vec(),
+        groups: mesh.groups().to_vec(),
+        element_group: mesh.element_group().to_vec(),
+        mm_per_px: Some(PIXEL_MM),
+        ..JointMeshFile::default()
+    };
+    // What a lens, a tilt and a distance of usual uncertainty make of a shift of 0.04 mm an instant.
+    let (centre, half) = ([0.18, 0.0], 0.5);
+    let by = |change: &dyn Fn([f64; 2], f64) -> [f64; 2]| -> Vec<Vec<[f64; 2]>> {
+        let at = |t: f64| mesh.nodes().iter().map(|[x, y]| change([x - centre[0], y - centre[1]], 0.04 * t)).collect();
+        (1..=fields.len()).map(|k| at(k as f64)).collect()
+    };
+    let lens = by(&|[x, y], d| [1e-3 * d * (3.0 * x * x + y * y) / (half * half), 2e-3 * d * x * y / (half * half)]);
+    let tilt = by(&|[x, y], d| [2e-3 * d * x / half, 1e-3 * d * y / half]);
+    let distance = by(&|[x, y], _| [1e-4 * x, 1e-4 * y]);
+    let term = |(name, instants): (&str, _)| RunCamera { name: name.into(), is_stated: true, instants };
+    let run = JointRun {
+        path: "run".into(),
+        mesh: file.clone(),
+        frames: (1..=fields.len()).collect(),
+        measured_from: vec![0; fields.len()],
+        instants: fields.iter().map(|field| field.iter().map(|&u| Some(u)).collect()).collect(),
+        sigma: vec![vec![[2e-5; 2]; mesh.nodes().len()]; fields.len()],
+        normal_matrix: None,
+        n_references: 1,
+        noise_grey: None,
+        noise_ratio: None,
+        left_out: Vec::new(),
+        camera: [("lens", lens), ("tilt_x", tilt), ("distance", distance)].map(term).into(),
+        warnings: Vec::new(),
+    };
+    let mut input = input.clone();
+    input.mesh = MeshInput::Run(file);
+    input.boundary = BoundaryInput::Run(run.clone());
+    input.measurement = Some(MeasurementInput::Run(run));
+    input
+}
+
+#[test]
+fn the_effect_of_lens_tilt_and_distance_is_what_a_refit_with_the_camera_moved_changes() {
+    for measurement in ["weights = \"covariance\"", "weights = \"uniform\"\nboundary = \"exact\""] {
+        let input = of_run(&input_of(Kinematics::Objective, measurement, "discretisation = \"off\""));
+        let found = fitted(&input);
+        for (term, name) in ["lens", "tilt_x", "distance"].into_iter().enumerate() {
+            // As with the other constants: what is left of the second order is the share of the first.
+            let share = 0.02;
+            let moved = |run: &mut JointRun| {
+                let change = run.camera[term].instants.clone();
+                for (field, change) in run.instants.iter_mut().zip(change) {
+                    for (u, by) in field.iter_mut().zip(change) {
+                        *u = u.map(|u| [u[0] + share * by[0], u[1] + share * by[1]]);
+                    }
+                }
+            };
+            let mut other = input.clone();
+            let (BoundaryInput::Run(border), Some(MeasurementInput::Run(run))) =
+                (&mut other.boundary, &mut other.measurement)
+            else {
+                panic!("a run")
+            };
+            [border, run].into_iter().for_each(moved);
+            let (told, refit) = (line(&found.budget, name), fitted(&other));
+            let mut largest = 0.0f64;
+            for (k, (p, other)) in found.parameters.iter().zip(&refit.parameters).enumerate() {
+                let change = (other.value - p.value) / share;
+                println!("{name} {}: {change:.4e} told {:.4e}", p.parameter.name, told.parameters[k]);
+                assert!(
+                    (told.parameters[k] - change).abs() < 0.02 * change.abs() + 1e-5 * p.value,
+                    "{measurement} {name}"
+                );
+                largest = largest.max((change / p.value).abs());
+            }
+            assert!(largest > 1e-3, "{name} {largest}");
+        }
     }
 }
 

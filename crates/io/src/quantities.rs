@@ -5,9 +5,12 @@
     reason = "writes the tables of a run: its points, lines and cracks are counted by the case, and what was drawn of a frame has as many"
 )]
 
+mod still;
+
+use self::still::{STILL, still_cells, still_remarks};
 use super::csv::{PX_COLUMNS, WINDOW_COLUMNS, WINDOW_MODEL_COLUMNS};
 use super::load::LoadTable;
-use crate::camera::{CameraTerm, Rectifier};
+use crate::camera::{CameraTerm, Rectifier, StillMotion};
 use crate::field::{
     CrackLine, CrackTip, Curve, ElementMark, Elongation, FrameQuantities, Jump, Measurement, NodalNoise, OPEN_BY_SIGMA,
     PointValues, Quantities, Status, StrainWindows, TensorStrain, TipState, Value,
@@ -19,26 +22,28 @@ use crate::units::{PixelSize, Px};
 use std::io::{self, Write};
 
 /// Names of the tables.
-pub const QUANTITY_TABLES: [&str; 8] =
-    ["points", "lines", "extensometers", "openings", "openings_mean", "rigid_motions", "cracks", "crack_tips"];
+pub const QUANTITY_TABLES: [&str; 9] =
+    ["points", "lines", "extensometers", "openings", "openings_mean", "rigid_motions", "cracks", "crack_tips", "still"];
 
 /// Writes the quantities of a series frame by frame, and keeps what is needed to draw them against load or time.
 ///
-/// Up to eight tables, those that are asked for: `points`, `lines`, `extensometers`, `openings` (a row for each point
-/// of each joint), `openings_mean`, `rigid_motions`, `cracks` (a row for each place of each crack), `crack_tips`. Every
-/// row begins with `frame,status` and the columns of the load file. Lengths are in px; with a pixel size every column
+/// Up to nine tables, those that are asked for: `points`, `lines`, `extensometers`, `openings` (a row for each point
+/// of each joint), `openings_mean`, `rigid_motions`, `cracks` (a row for each place of each crack), `crack_tips`, and
+/// `still` where the camera has still zones. Every row begins with `frame,status` and the columns of the load file. Lengths are in px; with a pixel size every column
 /// `_px` has a twin in mm at the end of the row. A value that does not exist (outside the mesh, not measured, frame
 /// without field) is an empty cell.
 pub struct QuantityTables<'a, W: Write> {
     quantities: &'a Quantities,
     load: &'a LoadTable,
-    tables: [Option<Table<W>>; 8],
+    tables: [Option<Table<W>>; 9],
     camera: Option<&'a Rectifier>,
     noise: Option<NodalNoise>,
     windows: Option<StrainWindows>,
     bound: bool,
     traces: Vec<Trace>,
     cracks: Vec<CrackHistory>,
+    /// Of the fields, by their numbers, how the still zones seem to move.
+    still: Vec<(usize, Option<StillMotion>)>,
     frames: Vec<usize>,
     without_field: Vec<usize>,
     n_fields: usize,
@@ -235,8 +240,9 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             (q.remove_rigid.is_some(), vec!["zone"], RIGID.to_vec()),
             (!q.cracks.is_empty(), vec!["crack", "mark"], crack),
             (has_tip, vec!["crack", "end", "state"], [&TIP[..], &INTENSITY].concat()),
+            (camera.is_some_and(Rectifier::has_still), vec![], STILL.to_vec()),
         ];
-        let mut tables = [const { None }; 8];
+        let mut tables = [const { None }; 9];
         for (k, (wanted, keys, columns)) in wanted.into_iter().enumerate() {
             if !wanted {
                 continue;
@@ -269,6 +275,9 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         let traced = (q.points.iter().map(|(name, _)| (name, of_points.clone())))
             .chain(q.extensometers.iter().map(|(name, _)| (name, Elongation::QUANTITIES.map(|named| named.0).to_vec())))
             .chain(q.openings.iter().map(|(name, _)| (name, Jump::QUANTITIES.map(|named| named.0).to_vec())));
+        let still = "still zones".to_owned();
+        let of_still = camera.filter(|camera| camera.has_still()).map(|_| (&still, vec![STILL[0]]));
+        let traced = traced.chain(of_still);
         let trace = |name: &String, quantity| Trace { name: name.clone(), quantity, values: Vec::new() };
         let traces = traced.flat_map(|(name, of)| of.into_iter().map(move |quantity| trace(name, quantity))).collect();
         let named = |kind: &str, name: &String| (format!("{kind} '{name}'"), 0);
@@ -291,6 +300,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             bound: regularised,
             traces,
             cracks: q.cracks.iter().map(|(name, _)| CrackHistory { name: name.clone(), frames: Vec::new() }).collect(),
+            still: Vec::new(),
             frames: Vec::new(),
             without_field: Vec::new(),
             n_fields: 0,
@@ -299,11 +309,13 @@ impl<'a, W: Write> QuantityTables<'a, W> {
     }
 
     /// Writes the rows of one frame, whose `field` is `None` without one (diverged, unreadable); gives what was drawn.
+    /// `still` is what was taken off the field with the still zones.
     pub fn frame(
         &mut self,
         number: usize,
         status: Option<Status>,
         field: Option<&Measurement<Px>>,
+        still: Option<StillMotion>,
     ) -> io::Result<Option<FrameQuantities>> {
         let drawn = field.map(|field| {
             // Which nodes are measured seldom changes along a series: the correlations are kept.
@@ -328,7 +340,8 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             Some(drawn) => self.count_missing(drawn),
             None => self.without_field.push(number),
         }
-        self.keep_traces(drawn);
+        self.keep_traces(drawn, still);
+        self.still.extend(field.map(|_| (number, still)));
         for (k, history) in self.cracks.iter_mut().enumerate() {
             let Some(values) = drawn.map(|drawn| &drawn.cracks[k]) else { continue };
             let places = self.quantities.cracks[k].1.points().iter().zip(&values.points);
@@ -342,13 +355,16 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             keys.push(column.at(number).map_or(String::new(), |value| format!("{value:?}")));
         }
         self.write(&keys, whole, field.map(|field| &*field.mesh))?;
+        if let [.., Some(table)] = &mut self.tables {
+            table.row(&keys, whole, |_| still_cells(still).to_vec())?;
+        }
         Ok(whole.map(|drawn| drawn.values.clone()))
     }
 
     fn write(&mut self, keys: &[String], drawn: Option<&Drawn>, mesh: Option<&Mesh<Px>>) -> io::Result<()> {
         let q = self.quantities;
         let with = |names: &[&str]| [keys, &names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>()].concat();
-        let [points, lines, extensometers, openings, means, rigid, cracks, tips] = &mut self.tables;
+        let [points, lines, extensometers, openings, means, rigid, cracks, tips, _] = &mut self.tables;
         if let Some(table) = points {
             for (k, (name, at)) in q.points.iter().enumerate() {
                 table.row(&with(&[name]), drawn, |drawn| {
@@ -445,7 +461,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         }
     }
 
-    fn keep_traces(&mut self, drawn: Option<&FrameQuantities>) {
+    fn keep_traces(&mut self, drawn: Option<&FrameQuantities>, still: Option<StillMotion>) {
         let q = self.quantities;
         let mut values = Vec::with_capacity(self.traces.len());
         for k in 0..q.points.len() {
@@ -460,6 +476,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             let mean = drawn.and_then(|drawn| drawn.openings[k].mean);
             values.extend(Jump::QUANTITIES.map(|(_, value)| mean.as_ref().map(value)));
         }
+        values.push(still.map(|still| still.distance_change()));
         for (trace, value) in self.traces.iter_mut().zip(values) {
             trace.values.push(value);
         }
@@ -509,6 +526,9 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         remarks.extend(
             self.quantities.cracks.iter().zip(&self.cracks).filter_map(|((_, crack), history)| history.remark(crack)),
         );
+        if self.camera.is_some_and(Rectifier::has_still) {
+            remarks.extend(still_remarks(&self.still));
+        }
         Ok(QuantitySummary { curves, remarks, cracks: self.cracks })
     }
 }
@@ -597,7 +617,9 @@ fn said_of_camera(camera: Option<&Rectifier>, has_columns: bool) -> Vec<String> 
         .filter(|camera| !camera.camera().is_plain())
         .map(|_| "camera: taken off; all is in the plane of the specimen, with a px as at the centre of the camera");
     let columns = "camera_: standard uncertainty by the camera, beside sigma; it is common to all places and frames";
-    plane.into_iter().chain(has_columns.then_some(columns)).map(str::to_owned).collect()
+    let still =
+        camera.filter(|camera| camera.has_still()).map(|_| "still zones: their motion is taken off (still.csv)");
+    plane.into_iter().chain(still).chain(has_columns.then_some(columns)).map(str::to_owned).collect()
 }
 
 const INVARIANTS_IN_WORDS: &str = "e1, e2: principal strains in the plane, e1 the larger; e1_direction_deg: from x towards y (down); \
@@ -662,6 +684,12 @@ fn definitions(
                     .to_owned(),
             );
         }
+        "still" => said.push(
+            "how the still zones seem to move in the plane, taken off all that is in the plane: a point X goes to C + shift + (1 + \
+             growth) R (X - C), C their middle; distance_change: dZ/Z = 1/(1 + growth) - 1; strain: beside it, the larger of \
+             (exx - eyy)/2 and exy by its sigma; squares: 1 where noise is all that is left"
+                .to_owned(),
+        ),
         _ => said.push(
             "exact rotation about the centre, then translation; largest_px: largest displacement of a node by the motion; \
              left_rms_px: root mean square length of what is left"

@@ -20,7 +20,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<Outcome> {
     args.drawn.choose();
     let store = Store::open(&args.run)?;
     let asked = resolve_asked(args, &store)?;
-    if asked.is_empty() {
+    if asked.is_empty() && store.header().camera()?.shape().still.is_empty() {
         return Err(
             "nothing is asked for; give --point, --line, --extensometer, --opening or --remove-rigid, or a --case \
                     file with [[probe]], [[line]], [[extensometer]] or [[opening]]"

@@ -106,6 +106,11 @@ pub(crate) fn resolve(
     Ok(quantities)
 }
 
+/// Whether there is something to be drawn: what is asked for, or what still zones show.
+pub(crate) fn is_drawn(asked: &CaseQuantities, camera: &Rectifier) -> bool {
+    !asked.is_empty() || camera.has_still()
+}
+
 /// The load file that is asked for, a row for each frame; nothing without one.
 /// Errors: a file that cannot be read or joined, and times that are missing or given twice.
 pub(crate) fn load(asked: &CaseQuantities, n_frames: usize) -> Result<LoadTable> {
@@ -156,7 +161,8 @@ pub(crate) fn write(
         for frame in frames {
             let (number, status, field) = frame?;
             let plane = field.as_ref().map(|field| camera.rectify(field));
-            if let Some(drawn) = tables.frame(number, status, plane.as_deref()).map_err(failed)? {
+            let still = field.as_ref().and_then(|field| camera.still_motion(field));
+            if let Some(drawn) = tables.frame(number, status, plane.as_deref(), still).map_err(failed)? {
                 look(number, &drawn);
             }
         }

@@ -104,8 +104,10 @@ pub(crate) fn wanted_camera(asked: &CaseCamera, case: &CaseFile) -> Result<Optio
     let section = case.camera.clone().unwrap_or_default();
     let camera = match &asked.file {
         // Another camera: of the case what is no number of it.
-        Some(_) => CaseCamera { exact: section.exact, distance_std: section.distance_std, ..asked.clone() }
-            .resolved(Path::new(""))?,
+        Some(_) => {
+            let CaseCamera { exact, distance_std, still, .. } = section;
+            CaseCamera { exact, distance_std, still, ..asked.clone() }.resolved(Path::new(""))?
+        }
         None => section.resolved(&case.base)?,
     };
     Ok((camera != CaseCamera::default()).then_some(camera))

@@ -4,9 +4,9 @@ use crate::camera::Rectifier;
 use crate::correlate::Correlate;
 use crate::field::{Status, UpdateReference};
 use crate::imaging::{FlatBlocks, Image, Saturation};
-use crate::io::quantities::{CrackHistory, QuantitySummary};
+use crate::io::quantities::QuantitySummary;
 use crate::io::store::{STORE, Store, StoreWriter};
-use crate::remark::Remark;
+use crate::remark::{Code, Remark};
 use crate::report::summary::{FrameSummary, Summary, Trust, counts, reference_updates};
 use crate::report::{CrackSummary, crack_figures};
 use crate::run::folder::read::make_folder;
@@ -445,9 +445,9 @@ impl<'a> PreparedSeries<'a> {
 
     /// What is made of a series as a whole: the quantities that are asked for, and the report.
     fn look_back(&self, n_frames: usize, summary: &mut Summary, watcher: Watcher<'_>) -> Result<()> {
-        let drawn = match self.plan.drawn.is_empty() {
-            true => QuantitySummary::default(),
-            false => self.draw_quantities(n_frames, summary, watcher)?,
+        let drawn = match quantities::is_drawn(&self.plan.drawn, &self.rectifier) {
+            true => self.draw_quantities(n_frames, summary, watcher)?,
+            false => QuantitySummary::default(),
         };
         if !self.plan.report {
             return Ok(());
@@ -466,27 +466,27 @@ impl<'a> PreparedSeries<'a> {
         Ok(())
     }
 
-    /// Tells of `cracks` in the summary, and draws them.
-    fn tell_of_cracks(&self, summary: &mut Summary, cracks: &[CrackHistory]) -> Result<()> {
-        if cracks.is_empty() {
+    /// Tells of cracks and still zones in the summary, and draws the cracks.
+    fn tell_of(&self, summary: &mut Summary, QuantitySummary { cracks, remarks, .. }: &QuantitySummary) -> Result<()> {
+        if cracks.is_empty() && !self.rectifier.has_still() {
             return Ok(());
         }
+        let of_still = |remark: &&Remark| matches!(remark.code, Code::StillZones | Code::DistanceChanged);
+        summary.remarks.extend(remarks.iter().filter(of_still).cloned());
         summary.cracks = cracks.iter().map(CrackSummary::of).collect();
         self.folder.write_summary(summary)?;
-        make_folder(&self.folder.path().join(FIGURES))?;
+        cracks.first().map_or(Ok(()), |_| make_folder(&self.folder.path().join(FIGURES)))?;
         cracks.iter().flat_map(crack_figures).try_for_each(|(name, plot)| self.folder.save_figure(&name, &plot.draw()?))
     }
 
     /// Draws the quantities that the plan asks for from all fields.
     fn draw_quantities(&self, n_frames: usize, summary: &mut Summary, watcher: Watcher<'_>) -> Result<QuantitySummary> {
+        let (store, folder) = (Store::open(self.folder.path())?, self.folder.path());
         let numbers: Vec<usize> = (1..=n_frames).collect();
-        let store = Store::open(self.folder.path())?;
-        let drawn =
-            quantities::write_of_store(&store, &self.plan.drawn, (None, None), &numbers, self.folder.path(), |_, _| ());
-        match drawn {
+        match quantities::write_of_store(&store, &self.plan.drawn, (None, None), &numbers, folder, |_, _| ()) {
             Ok(drawn) => {
                 drawn.remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
-                self.tell_of_cracks(summary, &drawn.cracks)?;
+                self.tell_of(summary, &drawn)?;
                 return Ok(drawn);
             }
             // How long the load file has to be is known only now.

@@ -4,15 +4,14 @@
 //! fields. Gauss-Newton with the covariance of the nodes' noise: neighbours go together as the inverse of the mass
 //! matrix says, and images share the noise of their reference.
 
+use super::even_noise::EvenNoise;
 use super::marked::inverse_of;
 use super::model::times;
 use super::{Camera, CameraError, CameraShape, Covariance, PARAMETERS};
 use crate::field::{Measurement, RigidMotion};
-use crate::isa::Isa;
-use crate::linalg::{BlockJacobi, BlockMatrix, Dense, ElementMatrix, Pattern, alike, inverse_diagonal};
+use crate::linalg::{BlockMatrix, Dense};
 use crate::plane::Point;
 use crate::units::Px;
-use std::sync::Arc;
 use thiserror::Error;
 
 /// Shortest shift of the images, by half a diagonal, that anything is to be seen of.
@@ -28,8 +27,6 @@ const SETTLED: f64 = 1e-3;
 const STRETCHED: f64 = 32.0;
 /// Standard deviation of a change of the distance before anything is seen, `dZ/Z`: a specimen that is moved by hand.
 const NEARER: f64 = 2e-3;
-/// Nodes of one colour are so many steps apart, as `inverse_diagonal` needs them.
-const APART: usize = 5;
 
 /// Standard deviation of each parameter before anything is seen, for lengths in half diagonals: wide, so that data that
 /// say nothing leave a parameter uncertain, not wrong.
@@ -240,25 +237,10 @@ impl Data {
         let whole: Vec<usize> = (0..mesh.n_elements())
             .filter(|&element| mesh.elements()[element].iter().all(|&node| used[node as usize]))
             .collect();
-        let mut place = vec![None; mesh.n_nodes()];
-        let mut numbers = Vec::new();
-        for &node in whole.iter().flat_map(|&element| &mesh.elements()[element]) {
-            place[node as usize].get_or_insert_with(|| {
-                numbers.push(node as usize);
-                numbers.len() as u32 - 1
-            });
-        }
+        let EvenNoise { numbers, mass, variance } = EvenNoise::new(mesh, &whole);
         if numbers.len() < FEWEST_NODES {
             return Err(CalibrationError::FewNodes(numbers.len()));
         }
-        let own = |node: u32| place[node as usize].unwrap_or_default();
-        let elements: Vec<[u32; 4]> = whole.iter().map(|&element| mesh.elements()[element].map(own)).collect();
-        let of_element = |&element: &usize| alike(mesh.geometry(element).mass_matrix(), 1.0);
-        let matrices: Vec<ElementMatrix> = whole.iter().map(of_element).collect();
-        let pattern = Arc::new(Pattern::new(numbers.len(), &elements));
-        let mass = BlockMatrix::assemble(&pattern, &elements, &matrices);
-        let colours = pattern.colours(0..numbers.len(), APART);
-        let variance = inverse_diagonal(Isa::detect(), &mass, &BlockJacobi::new(&mass), &colours);
         let at = |list: &[Point]| numbers.iter().map(|&node| list[node]).collect::<Vec<Point>>();
         let white = |field: &Measurement<Px>| {
             let of_node = |(sigma, v): (Point, &Point)| [0, 1].map(|c| v[c].sqrt() / sigma[c]);
@@ -500,7 +482,10 @@ impl State {
 mod tests {
     use super::*;
     use crate::field::Status;
+    use crate::isa::Isa;
+    use crate::linalg::{BlockJacobi, ElementMatrix, Pattern, alike, inverse_diagonal};
     use crate::mesh::{Mesh, Roi, Zone};
+    use std::sync::Arc;
 
     const SIZE: [usize; 2] = [1024, 1024];
     /// Standard deviation of the load that makes the noise of one image: some 0.02 px at a node inside.
@@ -535,7 +520,7 @@ mod tests {
                 (0..mesh.n_elements()).map(|e| alike(mesh.geometry(e).mass_matrix(), 1.0)).collect();
             let mass = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
             let jacobi = BlockJacobi::new(&mass);
-            let colours = pattern.colours(0..mesh.n_nodes(), APART);
+            let colours = pattern.colours(0..mesh.n_nodes(), 5);
             let variance = inverse_diagonal(Isa::detect(), &mass, &jacobi, &colours);
             Self { mesh: mesh.into(), mass, jacobi, variance }
         }

@@ -1,5 +1,7 @@
 //! A measured field in the plane, and what the uncertainty of the camera does to it.
 
+use super::still::{Similarity, StillMotion, StillZones};
+use super::term::CameraTerm;
 use super::{Camera, CameraError, PARAMETERS, Theta};
 use crate::field::{Measurement, ModelError, PointField};
 use crate::mesh::Mesh;
@@ -46,33 +48,26 @@ pub struct Rectifier {
     raw: Arc<Mesh<Px>>,
     /// Its nodes in the plane; the same mesh where the camera is plain.
     plane: Arc<Mesh<Px>>,
-}
-
-/// What a field is off when the camera is off by one standard uncertainty in one direction of its parameters: common to
-/// all nodes. Terms are independent of each other.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CameraTerm {
-    /// Its name in budgets: `lens` for k1, `lens_k2`, `tilt_x`, `distance`.
-    pub name: &'static str,
-    /// Change of the displacement of each node, px of the plane.
-    pub change: Vec<Point>,
+    /// The zones that stay as they are.
+    still: Option<StillZones>,
 }
 
 impl Rectifier {
     /// Of the fields on `mesh`, in raw px.
     ///
     /// # Errors
-    /// [`CameraError::Folds`] where a node, or an element, has no place in the plane.
+    /// [`CameraError::Folds`] where a node, or an element, has no place in the plane; a still zone that is not there.
     pub fn new(camera: Camera, mesh: &Arc<Mesh<Px>>) -> Result<Self, CameraError> {
         let raw = Arc::clone(mesh);
+        let still = |plane: &Mesh<Px>| StillZones::new(&camera.shape().still, &raw, plane.nodes());
         if camera.is_plain() {
-            return Ok(Self { camera, plane: Arc::clone(&raw), raw });
+            return Ok(Self { still: still(&raw)?, camera, plane: Arc::clone(&raw), raw });
         }
         let place = |&[x, y]: &Point| camera.plane([x, y]).ok_or(CameraError::Folds { x, y });
         let places = mesh.nodes().iter().map(place).collect::<Result<Vec<_>, _>>()?;
         let [x, y] = mesh.nodes().first().copied().unwrap_or_default();
         let plane = mesh.with_nodes(&places).map_err(|_| CameraError::Folds { x, y })?;
-        Ok(Self { camera, raw, plane: Arc::new(plane) })
+        Ok(Self { still: still(&plane)?, camera, raw, plane: Arc::new(plane) })
     }
 
     /// The camera.
@@ -91,43 +86,54 @@ impl Rectifier {
     }
 
     /// The field in the plane: `U = P^-1(x + u) - P^-1(x)`, with standard uncertainties turned and scaled by
-    /// `dP^-1/dx`. A node whose place has left what the camera maps is no longer measured.
+    /// `dP^-1/dx`; then less the motion of the still zones. A node whose place has left what the camera maps is no
+    /// longer measured, nor is any where the still zones show nothing.
     pub fn rectify<'f>(&self, field: &'f Measurement<Px>) -> Cow<'f, Measurement<Px>> {
+        let plane = self.mapped(field);
+        let Some(still) = &self.still else { return plane };
+        let mut plane = plane.into_owned();
+        match still.fit(&plane, &plane.displacement) {
+            Some(similarity) => map_nodes(&mut plane, |node, u| {
+                let at = self.plane.nodes()[node];
+                let (to, slope) = similarity.undone([at[0] + u[0], at[1] + u[1]]);
+                Some(([to[0] - at[0], to[1] - at[1]], slope))
+            }),
+            None => map_nodes(&mut plane, |_, _| None),
+        }
+        Cow::Owned(plane)
+    }
+
+    /// How the still zones seem to move in a field that is in raw px; none where there are none, or too little of them
+    /// is measured.
+    pub fn still_motion(&self, field: &Measurement<Px>) -> Option<StillMotion> {
+        let still = self.still.as_ref()?;
+        let plane = self.mapped(field);
+        Some(still.fit(&plane, &plane.displacement)?.motion())
+    }
+
+    /// Whether zones are stated that stay as they are.
+    pub fn has_still(&self) -> bool {
+        self.still.is_some()
+    }
+
+    /// As the camera maps it.
+    fn mapped<'f>(&self, field: &'f Measurement<Px>) -> Cow<'f, Measurement<Px>> {
         if self.camera.is_plain() {
             return Cow::Borrowed(field);
         }
-        let mut plane = Measurement { mesh: Arc::clone(&self.plane), ..field.clone() };
-        for node in (0..field.measured.len()).filter(|&node| field.measured[node]) {
-            let Some((moved, spread)) = self.moved(node, field.displacement[node]) else {
-                plane.measured[node] = false;
-                (plane.displacement[node], plane.sigma[node]) = ([0.0; 2], [0.0; 2]);
-                continue;
-            };
-            plane.displacement[node] = moved;
-            plane.sigma[node] = spread(field.sigma[node]);
-            if let (Some(ModelError { nodes, .. }), Some(before)) = (&mut plane.model_error, &field.model_error) {
-                nodes[node] = spread(before.nodes[node]);
-            }
-            if let (Some(PointField { displacement, sigma, .. }), Some(before)) = (&mut plane.points, &field.points) {
-                displacement[node] = self.moved(node, before.displacement[node]).map_or(moved, |(moved, _)| moved);
-                sigma[node] = spread(before.sigma[node]);
-            }
-        }
+        let mut plane = field.clone();
+        map_nodes(&mut plane, |node, u| {
+            let ([x, y], [a, b]) = (self.raw.nodes()[node], self.plane.nodes()[node]);
+            let to = self.camera.plane([x + u[0], y + u[1]])?;
+            Some(([to[0] - a, to[1] - b], self.camera.plane_slope(to)?))
+        });
+        plane.mesh = Arc::clone(&self.plane);
         Cow::Owned(plane)
     }
 
     /// The displacements of the plane on the mesh of the image, to be drawn there.
     pub fn displaced(&self, field: &Measurement<Px>) -> Measurement<Px> {
         Measurement { mesh: Arc::clone(&self.raw), ..self.rectify(field).into_owned() }
-    }
-
-    /// Where a node moves in the plane, and what turns a standard uncertainty there.
-    fn moved(&self, node: usize, u: Point) -> Option<(Point, impl Fn(Point) -> Point)> {
-        let ([x, y], [a, b]) = (self.raw.nodes()[node], self.plane.nodes()[node]);
-        let to = self.camera.plane([x + u[0], y + u[1]])?;
-        let slope = self.camera.plane_slope(to)?;
-        let spread = move |sigma: Point| slope.map(|row| (row[0] * sigma[0]).hypot(row[1] * sigma[1]));
-        Some(([to[0] - a, to[1] - b], spread))
     }
 
     /// What the uncertainty of the camera does to a field, which is in the plane: [`rectify`](Self::rectify) has made
@@ -152,13 +158,51 @@ impl Rectifier {
         let mut terms: Vec<CameraTerm> = (self.camera.columns().iter().zip(names))
             .map(|(theta, name)| of_nodes(name, &|from, to| by(theta, from, to)))
             .collect();
-        let shape = self.camera.shape();
-        if shape.distance_std > 0.0 {
-            let centre = [shape.theta[5], shape.theta[6]];
-            let nearer = |_, to: Point| Some([0, 1].map(|c| shape.distance_std * (to[c] - centre[c])));
-            terms.push(of_nodes("distance", &nearer));
+        let Some(still) = &self.still else {
+            let shape = self.camera.shape();
+            if shape.distance_std > 0.0 {
+                let centre = [shape.theta[5], shape.theta[6]];
+                let nearer = |_, to: Point| Some([0, 1].map(|c| shape.distance_std * (to[c] - centre[c])));
+                terms.push(of_nodes("distance", &nearer));
+            }
+            return terms;
+        };
+        let places: Vec<Point> = (0..plane.measured.len()).map(|node| at(node).1).collect();
+        let similarity = still.fit(plane, &plane.displacement);
+        // Of what the camera is off the still zones take their part.
+        for term in &mut terms {
+            let Some(part) = still.fit(plane, &term.change) else { continue };
+            for (v, &to) in term.change.iter_mut().zip(&places) {
+                let of_zones = part.displacement(to);
+                *v = [v[0] - of_zones[0], v[1] - of_zones[1]];
+            }
+        }
+        terms.extend(similarity.map_or_else(|| Similarity::no_terms(places.len()), |found| found.terms(&places)));
+        for term in &mut terms {
+            term.change.iter_mut().zip(&plane.measured).filter(|(_, of)| !**of).for_each(|(v, _)| *v = [0.0; 2]);
         }
         terms
+    }
+}
+
+/// Brings the displacement of each measured node to what `map` makes of it, which gives its slope as well; a node where
+/// that is nothing is no longer measured.
+fn map_nodes(field: &mut Measurement<Px>, map: impl Fn(usize, Point) -> Option<(Point, [[f64; 2]; 2])>) {
+    for node in (0..field.measured.len()).filter(|&node| field.measured[node]).collect::<Vec<_>>() {
+        let Some((moved, slope)) = map(node, field.displacement[node]) else {
+            field.measured[node] = false;
+            (field.displacement[node], field.sigma[node]) = ([0.0; 2], [0.0; 2]);
+            continue;
+        };
+        let spread = |sigma: Point| slope.map(|row| (row[0] * sigma[0]).hypot(row[1] * sigma[1]));
+        (field.displacement[node], field.sigma[node]) = (moved, spread(field.sigma[node]));
+        if let Some(ModelError { nodes, .. }) = &mut field.model_error {
+            nodes[node] = spread(nodes[node]);
+        }
+        if let Some(PointField { displacement, sigma, .. }) = &mut field.points {
+            displacement[node] = map(node, displacement[node]).map_or(moved, |(moved, _)| moved);
+            sigma[node] = spread(sigma[node]);
+        }
     }
 }
 
@@ -238,5 +282,96 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// A specimen between two rails.
+    fn between_rails() -> Mesh<Px> {
+        let zone = |name: &str, x0, x1| Zone::rectangle(name, Roi { x0, y0: 20.0, x1, y1: 480.0 });
+        let zones = [zone("specimen", 120.0, 392.0), zone("left", 20.0, 84.0), zone("right", 424.0, 488.0)];
+        Mesh::on_zones(&zones, 16, 512, 512).unwrap()
+    }
+
+    fn held(std: f64) -> Camera {
+        let shape = CameraShape { still: vec!["left".into(), "right".into()], ..bent(std).shape().clone() };
+        Camera::new(shape).unwrap()
+    }
+
+    /// What is seen of rails that the camera moved, and of a specimen that was stretched besides.
+    fn seen_between_rails(camera: &Camera, rails_measured: bool) -> Measurement<Px> {
+        let moved = |[x, y]: Point| {
+            [250.0 + 3.0 + 1.002 * (x - 250.0) - 0.01 * y, 262.0 - 2.0 + 1.002 * (y - 262.0) + 0.01 * x]
+        };
+        let stretched = |[x, y]: Point| [x + 0.5 + 0.01 * (x - 250.0), y];
+        let mesh = between_rails();
+        let specimen = mesh.zone_nodes(0);
+        let mut seen = field(mesh, |x| {
+            let at = camera.plane(x).unwrap();
+            let is_rail = !(100.0..410.0).contains(&x[0]);
+            let to = camera.pixel(moved(if is_rail { at } else { stretched(at) }));
+            [to[0] - x[0], to[1] - x[1]]
+        });
+        seen.measured.iter_mut().enumerate().for_each(|(node, of)| *of = rails_measured || specimen.contains(&node));
+        seen
+    }
+
+    #[test]
+    fn what_the_still_zones_seem_to_do_is_taken_off_the_specimen() {
+        let camera = held(0.0);
+        let seen = seen_between_rails(&camera, true);
+        let rectifier = Rectifier::new(camera.clone(), &seen.mesh).unwrap();
+        let plane = rectifier.rectify(&seen);
+        for (node, u) in plane.displacement.iter().enumerate() {
+            let [x, _] = plane.mesh.nodes()[node];
+            let want = if plane.mesh.zone_nodes(0).contains(&node) { 0.5 + 0.01 * (x - 250.0) } else { 0.0 };
+            assert!((u[0] - want).abs() < 1e-6 && u[1].abs() < 1e-6, "{node} {u:?} {want}");
+        }
+        let motion = rectifier.still_motion(&seen).unwrap();
+        let turned = 0.01f64.atan2(1.002);
+        assert!((motion.growth.value - (1.002f64.hypot(0.01) - 1.0)).abs() < 1e-9, "{motion:?}");
+        assert!((motion.turn_rad.value - turned).abs() < 1e-9 && motion.strain.value.abs() < 1e-9, "{motion:?}");
+        // 5 by 30 nodes on each side: of the order of sigma over the distance and the root of their number.
+        assert!(motion.growth.sigma > 1e-6 && motion.growth.sigma < 1e-5 && motion.squares < 1e-9, "{motion:?}");
+    }
+
+    #[test]
+    fn of_a_camera_that_is_off_the_still_zones_take_their_part() {
+        let seen = seen_between_rails(&held(0.0), true);
+        let camera = held(1e-4);
+        let before = Rectifier::new(camera.clone(), &seen.mesh).unwrap();
+        let plane = before.rectify(&seen);
+        let terms = before.terms(&plane);
+        let names: Vec<_> = terms.iter().map(|term| term.name).collect();
+        assert_eq!(names[PARAMETERS.len()..], ["distance", "still_turn", "still_x", "still_y"]);
+        for (term, theta) in terms.iter().zip(camera.columns()) {
+            let mut shape = camera.shape().clone();
+            shape.theta.iter_mut().zip(theta).for_each(|(a, b)| *a += b);
+            let after = Rectifier::new(Camera::new(shape).unwrap(), &seen.mesh).unwrap().rectify(&seen);
+            for node in plane.mesh.zone_nodes(0) {
+                let change = [0, 1].map(|c| after.displacement[node][c] - plane.displacement[node][c]);
+                let off = (change[0] - term.change[node][0]).hypot(change[1] - term.change[node][1]);
+                // The places of the zones move as well, by as little as the camera is off: a hundredth of 20 px of motion.
+                assert!(off < 1e-2 * term.change[node][0].hypot(term.change[node][1]) + 2e-5, "{} {off}", term.name);
+            }
+        }
+        let motion = before.still_motion(&seen).unwrap();
+        let of_distance = &terms[PARAMETERS.len()];
+        let [x, y] = plane.mesh.nodes()[0];
+        let far = (x - motion.centre[0] + 0.01 * x).hypot(y - motion.centre[1]);
+        let change = of_distance.change[0][0].hypot(of_distance.change[0][1]);
+        assert!((change / (motion.growth.sigma * far) - 1.0).abs() < 0.02, "{change} {motion:?}");
+    }
+
+    #[test]
+    fn without_what_is_still_nothing_is_known_in_the_plane() {
+        let camera = held(1e-4);
+        let seen = seen_between_rails(&camera, false);
+        let rectifier = Rectifier::new(camera.clone(), &seen.mesh).unwrap();
+        let plane = rectifier.rectify(&seen);
+        assert!(!plane.measured.contains(&true) && rectifier.still_motion(&seen).is_none());
+        let terms = rectifier.terms(&plane);
+        assert!(terms.len() == PARAMETERS.len() + 4 && terms.iter().flat_map(|t| &t.change).all(|v| *v == [0.0; 2]));
+        let other = CameraShape { still: vec!["rail".into()], ..camera.shape().clone() };
+        let refused = Rectifier::new(Camera::new(other).unwrap(), &seen.mesh).unwrap_err();
+        assert!(refused.to_string().contains("no zone 'rail'; there are specimen, left, right"), "{refused}");
     }
 }

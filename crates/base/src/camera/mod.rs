@@ -6,11 +6,16 @@
 //! of the centre of the image. Millimetres are [`PixelSize`](crate::units::PixelSize) times these.
 
 pub mod calibrate;
+mod even_noise;
 mod field;
 pub mod marked;
 mod model;
 mod shape;
+mod still;
+mod term;
 
-pub use field::{CameraTerm, Rectifier};
+pub use field::Rectifier;
 pub use model::Camera;
 pub use shape::{CameraError, CameraShape, Covariance, PARAMETERS, Theta, USUAL_DISTORTION};
+pub use still::StillMotion;
+pub use term::CameraTerm;

@@ -92,9 +92,9 @@ impl Camera {
         (0..PARAMETERS.len()).all(|k| (5..7).contains(&k) || self.shape.theta[k] == 0.0)
     }
 
-    /// Whether it has no uncertainty.
+    /// Whether it has no uncertainty, and none comes of zones that stay as they are.
     pub fn is_exact(&self) -> bool {
-        self.columns.is_empty() && self.shape.distance_std == 0.0
+        self.columns.is_empty() && self.shape.distance_std == 0.0 && self.shape.still.is_empty()
     }
 
     /// Changes of the parameters by one standard uncertainty, independent of each other, one for each parameter that its covariance

@@ -73,8 +73,11 @@ pub struct CameraShape {
     pub theta: Theta,
     /// Their covariance.
     pub covariance: Covariance,
-    /// Standard uncertainty of a relative change of the distance from frame to frame, `dZ/Z`.
+    /// Standard uncertainty of a relative change of the distance from frame to frame, `dZ/Z`; of no account where zones
+    /// that stay as they are show it.
     pub distance_std: f64,
+    /// Names of the zones in the plane of the specimen that do not deform.
+    pub still: Vec<String>,
 }
 
 impl CameraShape {
@@ -84,7 +87,7 @@ impl CameraShape {
         let mut theta = [0.0; PARAMETERS.len()];
         (theta[5], theta[6]) = (0.5 * (width - 1.0), 0.5 * (height - 1.0));
         let focal_px = [0.5 * width.hypot(height); 2];
-        Self { image_size_px, focal_px, theta, covariance: Covariance::default(), distance_std: 0.0 }
+        Self { image_size_px, focal_px, theta, covariance: Covariance::default(), distance_std: 0.0, still: Vec::new() }
     }
 }
 
@@ -131,6 +134,14 @@ pub enum CameraError {
         x: f64,
         /// Where, px.
         y: f64,
+    },
+    /// A still zone that is not there.
+    #[error("[camera] still: there is no zone '{name}'; there are {}", .zones.join(", "))]
+    NoZone {
+        /// Its name.
+        name: String,
+        /// Those of the mesh.
+        zones: Vec<String>,
     },
     /// A camera for other images.
     #[error(

@@ -83,6 +83,14 @@ codes! {
             "The camera is not stated, and a usual lens would be seen in this series."
             "A specimen that only moves seems to strain where the lens distorts. The text says what 0.1 % at the corner adds."
             "`quadrille calibrate` finds lens and tilt. `[camera] exact = true` says that there is none.";
+        DistanceChanged "distance-changed" Note
+            "The distance from the camera to the specimen changed."
+            "The zones of `[camera] still` are seen larger or smaller, by more than noise. It is taken off."
+            "Nothing. Large changes come of a specimen or a camera that moves along the line of sight; a longer distance helps.";
+        StillZones "still-zones" Warning
+            "Zones that should stay as they are do not, or are not measured."
+            "The zones of `[camera] still` are strained by more than noise, or too few of their nodes are measured."
+            "Name zones that do not deform, in the plane of the specimen. Give them a texture that can be measured.";
         ImageIncomplete "image-incomplete" Warning
             "An image is half black, torn, or incomplete."
             "Whole rows or columns have one grey level where the reference has texture."

@@ -77,6 +77,10 @@ pub struct CaseCamera {
     #[schemars(extend("default" = 0.0, "x-implied" = true))]
     #[cfg_attr(feature = "cli", arg(skip))]
     pub distance_std: Option<f64>,
+    /// Names of zones in the plane of the specimen that do not deform, best on both sides of it. How they seem to move
+    /// (shift, turn, scale) is the camera's, and is taken off each frame; `distance_std` is then not needed.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub still: Option<Vec<String>>,
 }
 
 /// Why a camera cannot be taken.
@@ -138,7 +142,7 @@ impl CaseCamera {
 
     /// The section of a camera.
     pub fn of(camera: &Camera) -> Self {
-        let CameraShape { image_size_px, focal_px, theta, covariance, distance_std } = camera.shape();
+        let CameraShape { image_size_px, focal_px, theta, covariance, distance_std, still } = camera.shape();
         let &[k1, k2, p1, p2, k3, centre_x, centre_y, tilt_x, tilt_y, stretch, shear] = theta;
         let unless_zero = |pair: [f64; 2]| Some(pair).filter(|pair| *pair != [0.0; 2]);
         let names = || covariance.of.iter().filter_map(|&k| Some((*PARAMETERS.get(k)?).to_owned())).collect();
@@ -153,6 +157,7 @@ impl CaseCamera {
             covariance_of: is_uncertain.then(names),
             covariance: is_uncertain.then(|| covariance.matrix.clone()),
             distance_std: Some(*distance_std).filter(|std| *std != 0.0),
+            still: Some(still.clone()).filter(|still| !still.is_empty()),
             ..Self::default()
         }
     }
@@ -176,6 +181,7 @@ impl CaseCamera {
             put(&mut shape.theta, k, pair);
         }
         shape.distance_std = self.distance_std.unwrap_or(0.0);
+        shape.still = self.still.clone().unwrap_or_default();
         shape.covariance = self.uncertainty()?;
         if self.exact == Some(true) {
             (shape.covariance, shape.distance_std) = (Covariance::default(), 0.0);
@@ -289,7 +295,7 @@ mod tests {
     fn a_camera_is_written_as_it_is_read() {
         let text = "[camera]\nimage_size_px = [640, 480]\ndistortion = [1e-3, -2e-4]\ntilt_per_px = [1e-5, 0.0]\n\
                     covariance_of = ['k1', 'tilt_x']\ncovariance = [[4e-8, 1e-11], [1e-11, 1e-12]]\n\
-                    pixel_size_mm = 0.05\npixel_size_relative_std = 1e-3\ndistance_std = 1e-4";
+                    pixel_size_mm = 0.05\npixel_size_relative_std = 1e-3\ndistance_std = 1e-4\nstill = ['left', 'right']";
         let section = parse(text).unwrap();
         let camera = section.camera([640, 480]).unwrap();
         let again = CaseCamera {

@@ -34,15 +34,20 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
     let camera = header.camera().map_err(|error| refused(&error))?;
     let rectifier = Rectifier::new(camera, store.mesh()).map_err(|error| refused(&error))?;
     let measured = rectifier.mesh();
+    let n_zones = zones_of_joint(&rectifier).ok_or_else(|| {
+        refused(&"[camera] still: list the still zones after those of the joint, which they are no part of")
+    })?;
+    let n_nodes = (0..n_zones).map(|zone| measured.zone_nodes(zone).end).max().unwrap_or(0);
+    let n_elements = (0..n_zones).map(|zone| measured.zone_elements(zone).end).max().unwrap_or(0);
     let on_specimen = Arc::new(measured.to_mm(scale));
     let is_stated = header.case_camera().is_some_and(|camera| camera.states_camera());
     let mut camera: Vec<RunCamera> = Vec::new();
     let mesh = JointMeshFile {
         path: path.to_owned(),
-        elements: on_specimen.elements().to_vec(),
-        nodes: on_specimen.nodes().to_vec(),
-        groups: on_specimen.zones().to_vec(),
-        element_group: on_specimen.element_zone().to_vec(),
+        elements: on_specimen.elements().iter().take(n_elements).copied().collect(),
+        nodes: on_specimen.nodes().iter().take(n_nodes).copied().collect(),
+        groups: on_specimen.zones().iter().take(n_zones).cloned().collect(),
+        element_group: on_specimen.element_zone().iter().take(n_elements).copied().collect(),
         mm_per_px: Some(scale.mm_per_px()),
         ..JointMeshFile::default()
     };
@@ -52,21 +57,25 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
         match store.frame(number)?.map(|frame| frame.measurement).filter(|field| field.status == Status::Converged) {
             Some(field) => {
                 let field = rectifier.rectify(&field);
+                if !field.measured.contains(&true) {
+                    left_out.push(number);
+                    continue;
+                }
                 for (k, CameraTerm { name, change, .. }) in rectifier.terms(&field).into_iter().enumerate() {
                     if k == camera.len() {
                         camera.push(RunCamera { name: name.to_owned(), is_stated, instants: Vec::new() });
                     }
                     let in_mm = |u: [f64; 2]| scale.to_mm(Vector::new(u)).components();
                     if let Some(of) = camera.get_mut(k) {
-                        of.instants.push(change.into_iter().map(in_mm).collect());
+                        of.instants.push(change.into_iter().take(n_nodes).map(in_mm).collect());
                     }
                 }
                 let field = field.to_mm(&on_specimen, scale);
                 let at = |(&u, &measured): (&[f64; 2], &bool)| measured.then_some(u);
                 frames.push(number);
                 measured_from.push(store.reference_frame(number)?.unwrap_or(0));
-                instants.push(field.displacement.iter().zip(&field.measured).map(at).collect());
-                sigma.push(field.sigma);
+                instants.push(field.displacement.iter().zip(&field.measured).take(n_nodes).map(at).collect());
+                sigma.push(field.sigma.into_iter().take(n_nodes).collect());
             }
             None => left_out.push(number),
         }
@@ -87,14 +96,14 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
     let noise_ratio = known.then(|| (noise[1] / noise[0]).sqrt());
     let per_mm = 1.0 / (scale.mm_per_px() * scale.mm_per_px());
     let of_noise = store.gradient_noise()?.unwrap_or_default();
-    let of_noise = of_noise.iter().enumerate().map(|(element, factor)| {
+    let of_noise = of_noise.iter().take(n_elements).enumerate().map(|(element, factor)| {
         // The two components are not coupled: turning changes nothing.
         alike(mean_products(measured.corners(element)), per_mm * factor)
     });
     let of_noise: Vec<ElementMatrix> = of_noise.collect();
     let normal_matrix = store.normal_matrices()?.map(|list| RunMatrix {
-        corners: measured.elements().to_vec(),
-        matrices: list.into_iter().map(|matrix| flip_y(matrix, per_mm)).collect(),
+        corners: measured.elements().iter().take(n_elements).copied().collect(),
+        matrices: list.into_iter().take(n_elements).map(|matrix| flip_y(matrix, per_mm)).collect(),
         of_noise,
     });
     let n_references = store.header().reference.len().max(1);
@@ -113,6 +122,15 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
         camera,
         warnings: warnings_beside(path),
     })
+}
+
+/// How many zones are parts of the joint: those before the still ones, which are no parts of it. `None` where still ones
+/// lie between others: the numbers of the nodes would be others than in the run.
+fn zones_of_joint(rectifier: &Rectifier) -> Option<usize> {
+    let is_still = |zone: &String| rectifier.camera().shape().still.contains(zone);
+    let zones = rectifier.mesh().zones();
+    let n_zones = zones.iter().position(is_still).unwrap_or(zones.len());
+    zones.iter().skip(n_zones).all(is_still).then_some(n_zones)
 }
 
 /// Warnings of the correlation from the summary beside the store; a run that goes on, or was moved, may have none.

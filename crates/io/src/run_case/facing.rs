@@ -41,7 +41,8 @@ pub(super) fn face_each_other(
     notes: &mut Vec<String>,
 ) -> Result<Faces, String> {
     let meshes = expand_groups(&mut case.zones, &case.base)?;
-    let at = numbers(&case.zones, names)?;
+    let still = case.camera.as_ref().and_then(|camera| camera.still.clone()).unwrap_or_default();
+    let at = numbers(&case.zones, names, &still)?;
     let shapes = [0, 1].map(|k| shape(&case.zones[at[k]], meshes[at[k]].as_ref()));
     let [first, second] = shapes;
     let joint = Joint { names, guard, element };
@@ -100,8 +101,8 @@ fn expand_groups(zones: &mut Vec<CaseZone>, base: &Path) -> Result<Vec<Option<Zo
     Ok(meshes)
 }
 
-/// The places of the two zones called `names`, which have to be all there are.
-fn numbers(zones: &[CaseZone], names: &[String; 2]) -> Result<[usize; 2], String> {
+/// The places of the two zones called `names`, which have to be all there are beside those that are `still`.
+fn numbers(zones: &[CaseZone], names: &[String; 2], still: &[String]) -> Result<[usize; 2], String> {
     let there = zones.iter().map(|zone| format!("\"{}\"", zone.name.as_deref().unwrap_or(""))).collect::<Vec<_>>();
     let there = if there.is_empty() { "no zone".to_owned() } else { there.join(", ") };
     let mut at = [0; 2];
@@ -118,8 +119,12 @@ fn numbers(zones: &[CaseZone], names: &[String; 2]) -> Result<[usize; 2], String
             names[0]
         ));
     }
-    if zones.len() != 2 {
-        return Err(format!("there are {} zones ({there}); a joint has two, those of [interface]", zones.len()));
+    let is_part = |zone: &&CaseZone| zone.name.as_ref().is_none_or(|name| !still.contains(name));
+    if zones.iter().filter(is_part).count() != 2 {
+        return Err(format!(
+            "there are {} zones ({there}); a joint has two, those of [interface], and [camera] still may name others",
+            zones.len()
+        ));
     }
     Ok(at)
 }
