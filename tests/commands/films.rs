@@ -36,7 +36,6 @@ fn bytes_of(image: &Image) -> Vec<u8> {
 /// A BigTIFF file of pages that lie `gap` bytes apart, in a file of `len` bytes that are nowhere on the disk.
 fn write_stack(path: &Path, frames: &[Vec<u8>], gap: u64, len: u64) {
     let mut file = fs::File::create(path).unwrap();
-    file.set_len(len).unwrap();
     file.write_all(b"II+\0\x08\0\0\0\x10\0\0\0\0\0\0\0").unwrap();
     for (at, frame) in (0..).map(|k| 16 + k * gap).zip(frames) {
         let entries = [
@@ -61,6 +60,7 @@ fn write_stack(path: &Path, frames: &[Vec<u8>], gap: u64, len: u64) {
         file.write_all(&page).unwrap();
         file.write_all(frame).unwrap();
     }
+    file.set_len(len).unwrap();
 }
 
 #[test]

@@ -856,16 +856,17 @@ fn damaged_and_foreign_tiff_pages_are_told_apart() {
 fn zstandard_and_inks_are_read() {
     let bytes = bytes_of(&levels());
     // A frame of Zstandard with one block of bytes as they are; sizes from 256 on stand in two bytes, 256 taken off.
-    let mut packed = b"\x28\xb5\x2f\xfd\x60".to_vec();
-    packed.extend((SIZE as u16 - 256).to_le_bytes());
-    packed.extend(&(SIZE as u32 * 8 + 1).to_le_bytes()[..3]);
-    packed.extend(&bytes);
-    let file = tiff_file(false, &[Page::new(8, 1, packed.clone()).with(259, &[50000])]);
-    assert_reads("zstd.tif", &file, &Pixels::U8(bytes.clone()));
-    let cut = Page::new(8, 1, packed[..packed.len() - 20].to_vec()).with(259, &[50000]);
-    assert!(read_page("cut.tif", &tiff_file(false, &[cut]), 0).is_err());
+    let packed = |block: &[u8]| {
+        let mut frame = b"\x28\xb5\x2f\xfd\x60".to_vec();
+        frame.extend((SIZE as u16 - 256).to_le_bytes());
+        frame.extend(&(block.len() as u32 * 8 + 1).to_le_bytes()[..3]);
+        frame.extend(block);
+        tiff_file(false, &[Page::new(8, 1, frame).with(259, &[50000])])
+    };
+    assert_reads("zstd.tif", &packed(&bytes), &Pixels::U8(bytes.clone()));
+    assert!(read_page("cut.tif", &packed(&bytes[..SIZE - 20]), 0).is_err());
     let inks = bytes.iter().flat_map(|v| [0, 0, 0, 255 - v]).collect();
-    let file = tiff_file(false, &[Page::new(8, 4, inks).with(262, &[5])]);
+    let file = tiff_file(false, &[Page::new(8, 5, inks).with(258, &[8; 4]).with(277, &[4])]);
     assert_reads("inks.tif", &file, &Pixels::U8(bytes));
 }
 

@@ -29,7 +29,8 @@ pub const QUANTITY_TABLES: [&str; 9] =
 ///
 /// Up to nine tables, those that are asked for: `points`, `lines`, `extensometers`, `openings` (a row for each point
 /// of each joint), `openings_mean`, `rigid_motions`, `cracks` (a row for each place of each crack), `crack_tips`, and
-/// `still` where the camera has still zones. Every row begins with `frame,status` and the columns of the load file. Lengths are in px; with a pixel size every column
+/// `still` where the camera has still zones. Every row begins with `frame,status` and the columns of the load file.
+/// Lengths are in px; with a pixel size every column
 /// `_px` has a twin in mm at the end of the row. A value that does not exist (outside the mesh, not measured, frame
 /// without field) is an empty cell.
 pub struct QuantityTables<'a, W: Write> {

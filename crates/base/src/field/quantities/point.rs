@@ -28,8 +28,9 @@ pub struct PointValues {
     /// Its invariants, in their order, and the rotation in degrees. Where the principal strains differ by less than
     /// noise, `e1` is too large and `e2` too small by about as much.
     pub invariants: Option<[Value; 6]>,
-    /// The same as `strain` over a window of nodes, interpolated between those of the element (its standard uncertainty as well:
-    /// windows of neighbours share most of their noise); `None` where it is not known at one of them, or not asked for.
+    /// The same as `strain` over a window of nodes, interpolated between those of the element (its standard uncertainty
+    /// as well: windows of neighbours share most of their noise); `None` where it is not known at one of them, or not
+    /// asked for.
     pub window: Option<(TensorStrain, [f64; 3])>,
     /// What exx, eyy and exy over the window may be off beyond noise, interpolated likewise (THEORY 20).
     pub window_model_error: Option<[f64; 3]>,

@@ -127,13 +127,14 @@ fn command(path: &Path, from_s: Option<f64>) -> Command {
 fn times(listed: &str) -> Vec<f64> {
     let unit = listed.lines().find_map(|line| {
         let (numerator, denominator) = line.strip_prefix("#tb 0:")?.trim().split_once('/')?;
-        Some(numerator.parse::<f64>().ok()? / denominator.parse::<f64>().ok()?)
+        Some((numerator.parse::<f64>().ok()?, denominator.parse::<f64>().ok()?))
     });
     let time = |line: &str| {
         let mut fields = line.split(',').map(|field| field.trim().parse::<i64>().ok());
         let (decoded, shown) = (fields.nth(1)??, fields.next()??);
         // A packet may not say when it is shown.
-        Some(if shown == i64::MIN { decoded } else { shown } as f64 * unit?)
+        let (numerator, denominator) = unit?;
+        Some(if shown == i64::MIN { decoded } else { shown } as f64 * numerator / denominator)
     };
     let mut times: Vec<f64> = listed.lines().filter(|line| !line.starts_with('#')).filter_map(time).collect();
     times.sort_by(f64::total_cmp);
