@@ -188,7 +188,8 @@ fn camera_of_nodes(
         let motion = without_rigid.then(|| RigidMotion::fit(compared.map(|((&at, &u), _)| (at, u)))).flatten();
         for (sum, (&at, u)) in squares.iter_mut().zip(places) {
             let rigid = motion.as_ref().map_or([0.0; 2], |motion| motion.displacement(at));
-            (0..2).for_each(|c| sum[c] += (u[c] - rigid[c]).powi(2));
+            let left = u.iter().zip(rigid).map(|(u, rigid)| u - rigid);
+            sum.iter_mut().zip(left).for_each(|(sum, left)| *sum += left * left);
         }
     }
     (!camera.camera().is_exact()).then(|| squares.into_iter().map(|sum| sum.map(f64::sqrt)).collect())
@@ -222,8 +223,8 @@ impl Comparison {
                 let in_sigma = [d[0] / sigma[0], d[1] / sigma[1]];
                 let pairs = [at, u, model, d, sigma, &in_sigma];
                 pairs.into_iter().flatten().try_for_each(|v| write!(out, ",{v:?}"))?;
-                let of_camera = self.of_camera.as_ref().map(|list| list[node]);
-                of_camera.iter().flatten().try_for_each(|v| write!(out, ",{v:?}"))?;
+                let of_camera = self.of_camera.as_ref().and_then(|list| list.get(node));
+                of_camera.into_iter().flatten().try_for_each(|v| write!(out, ",{v:?}"))?;
                 if let Some(scale) = scale {
                     d.iter().try_for_each(|&v| write!(out, ",{:?}", scale.mm_from_px(v)))?;
                 }

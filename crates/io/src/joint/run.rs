@@ -83,17 +83,7 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
     if frames.is_empty() {
         return Err(JointFileError::file(path, "no frame of the run converged; look at its summary.json"));
     }
-    let mut noise = [0.0; 2];
-    let mut n_known = 0.0;
-    for &number in &frames {
-        if let Some(of_frame) = store.noise(number)? {
-            n_known += 1.0;
-            noise.iter_mut().zip(of_frame).for_each(|(sum, v)| *sum += v * v);
-        }
-    }
-    let known = n_known > 0.0;
-    let noise_grey = known.then(|| (noise[0] / n_known).sqrt());
-    let noise_ratio = known.then(|| (noise[1] / noise[0]).sqrt());
+    let [noise_grey, noise_ratio] = mean_noise(&store, &frames)?;
     let per_mm = 1.0 / (scale.mm_per_px() * scale.mm_per_px());
     let of_noise = store.gradient_noise()?.unwrap_or_default();
     let of_noise = of_noise.iter().take(n_elements).enumerate().map(|(element, factor)| {
@@ -122,6 +112,20 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
         camera,
         warnings: warnings_beside(path),
     })
+}
+
+/// Noise of one image in grey levels, over the frames that know it, and that of the residual in it; none where no frame
+/// does.
+fn mean_noise(store: &Store, frames: &[usize]) -> Result<[Option<f64>; 2], JointFileError> {
+    let (mut squares, mut n_known) = ([0.0; 2], 0.0);
+    for &number in frames {
+        if let Some(of_frame) = store.noise(number)? {
+            n_known += 1.0;
+            squares.iter_mut().zip(of_frame).for_each(|(sum, v)| *sum += v * v);
+        }
+    }
+    let known = n_known > 0.0;
+    Ok([known.then(|| (squares[0] / n_known).sqrt()), known.then(|| (squares[1] / squares[0]).sqrt())])
 }
 
 /// How many zones are parts of the joint: those before the still ones, which are no parts of it. `None` where still ones
