@@ -130,9 +130,10 @@ pub(crate) fn of_image(number: usize, notes: &[String]) -> Option<Remark> {
 /// Why an image of floats may not be found: its grey levels (or one hot pixel) span another scale than the `reference`.
 pub(crate) fn another_scale(image: &Image, reference: (f32, f32)) -> Option<String> {
     const SCALE: f32 = 20.0;
+    // Others have the scale of their type; their pixels are not looked through.
+    let Levels::F32(_) = image.pixels() else { return None };
     let [own, other] = [image.range(), reference].map(|(low, high)| high - low);
-    let is_far = matches!(image.pixels(), Levels::F32(_)) && !(1.0 / SCALE..SCALE).contains(&(own / other));
-    is_far.then(|| {
+    (!(1.0 / SCALE..SCALE).contains(&(own / other))).then(|| {
         format!(
             "its grey levels span {own:.4}, those of the reference {other:.4}: save all images on one scale, and without \
              pixels far beyond the others"
@@ -373,4 +374,20 @@ pub(crate) fn name_frames(numbers: &[usize]) -> String {
 /// The same with their verb.
 pub(crate) fn name_frames_are(numbers: &[usize]) -> String {
     format!("{} {}", name_frames(numbers), if numbers.len() == 1 { "is" } else { "are" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::another_scale;
+    use crate::imaging::{Image, Pixels};
+
+    #[test]
+    fn floats_on_another_scale_than_the_reference_are_said_and_levels_of_a_type_are_not() {
+        let image = |pixels| Image::new(2, 1, pixels).unwrap();
+        let said = |span: f32, reference| another_scale(&image(Pixels::F32(vec![0.0, span])), (0.0, reference));
+        // 0 to 1 beside 16 bit, and one hot pixel; a twentieth of the contrast is still light.
+        assert!(said(1.0, 65535.0).is_some_and(|text| text.contains("span 1.0000, those of the reference 65535")));
+        assert!(said(1e6, 255.0).is_some() && said(13.0, 255.0).is_none() && said(255.0, 255.0).is_none());
+        assert!(another_scale(&image(Pixels::U8(vec![0, 1])), (0.0, 65535.0)).is_none());
+    }
 }
