@@ -136,7 +136,7 @@ pub enum CameraError {
         y: f64,
     },
     /// A still zone that is not there.
-    #[error("[camera] still: there is no zone '{name}'; there are {}", .zones.join(", "))]
+    #[error("still: there is no zone '{name}'; there are {}", .zones.join(", "))]
     NoZone {
         /// Its name.
         name: String,
