@@ -297,7 +297,7 @@ impl<'a> Frame<'a> {
             Figure::Ux => Some(Value { value: there.displacement[0], sigma: there.sigma[0] }),
             Figure::Uy => Some(Value { value: there.displacement[1], sigma: there.sigma[1] }),
             Figure::Magnitude => Some(there.magnitude),
-            Figure::Rotation => there.invariants.map(|all| all[5]),
+            Figure::Rotation => there.rotation_deg,
             _ => figure.strain().and_then(|number| number.at(there)),
         };
         let is_at_points = matches!(figure, Figure::Ux | Figure::Uy | Figure::Magnitude | Figure::Rotation)

@@ -538,7 +538,8 @@ fn invariants_and_rotation_scatter_about_those_of_the_deformation_gradient_by_wh
         for at in (0..36).map(|k| [72.0 + 96.0 * f64::from(k % 6), 72.0 + 96.0 * f64::from(k / 6)]) {
             let there = at_point(&field, &noise, StrainDefinition::GreenLagrange, at).unwrap();
             let names = ["e1", "e2", "direction", "shear_max", "von_mises", "rotation"];
-            for ((name, value), exact) in names.into_iter().zip(there.invariants.unwrap()).zip(exact) {
+            let values = there.invariants.unwrap().into_iter().chain(there.rotation_deg);
+            for ((name, value), exact) in names.into_iter().zip(values).zip(exact) {
                 found.add_value(name, value, exact);
             }
             let [x, y] = exact_at(&motion, &[at])[0];

@@ -119,20 +119,13 @@ struct Drawn {
     changed: Vec<FrameQuantities>,
 }
 
-/// Columns that the uncertainty of the camera has a column for.
-const OF_CAMERA: [&str; 20] = [
+/// Columns that the uncertainty of the camera has a column for, beside the [`INVARIANTS`].
+const OF_CAMERA: [&str; 13] = [
     "ux_px",
     "uy_px",
     "exx",
     "eyy",
     "exy",
-    "magnitude_px",
-    "e1",
-    "e2",
-    "e1_direction_deg",
-    "shear_max",
-    "von_mises",
-    "rotation_deg",
     "exx_window",
     "eyy_window",
     "exy_window",
@@ -200,6 +193,11 @@ const INVARIANTS: [&str; 14] = [
     "rotation_deg",
     "sigma_rotation_deg",
 ];
+
+fn is_of_camera(column: &str) -> bool {
+    OF_CAMERA.contains(&column) || (INVARIANTS.contains(&column) && !column.starts_with("sigma_"))
+}
+
 const LENGTHS: [&str; 3] = ["length_px", "elongation_px", "sigma_elongation_px"];
 const STRETCH: [&str; 4] = ["strain_engineering", "sigma_strain_engineering", "strain_true", "sigma_strain_true"];
 const JUMP: [&str; 4] = ["opening_px", "sigma_opening_px", "sliding_px", "sigma_sliding_px"];
@@ -250,7 +248,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             }
             let mut out = open(QUANTITY_TABLES[k])?;
             let of_camera = match camera.is_some_and(|camera| !camera.camera().is_exact()) {
-                true => (0..columns.len()).filter(|&at| OF_CAMERA.contains(&columns[at])).collect(),
+                true => (0..columns.len()).filter(|&at| is_of_camera(columns[at])).collect(),
                 false => Vec::new(),
             };
             let of_plane = said_of_camera(camera, !of_camera.is_empty());
@@ -603,7 +601,8 @@ fn point_cells(at: [f64; 2], values: Option<PointValues>, windowed: bool) -> Vec
     cells.extend(of_each(values.and_then(|v| v.model_error)));
     cells.extend(of_strain(values.and_then(|v| v.strain)));
     cells.extend(pair(values.map(|v| v.magnitude)));
-    cells.extend((0..6).flat_map(|k| pair(values.and_then(|v| Some(v.invariants?[k])))));
+    cells.extend((0..5).flat_map(|k| pair(values.and_then(|v| Some(v.invariants?[k])))));
+    cells.extend(pair(values.and_then(|v| v.rotation_deg)));
     if windowed {
         cells.extend(of_strain(values.and_then(|v| v.window)));
         let model = values.and_then(|v| v.window_model_error);

@@ -25,9 +25,11 @@ pub struct PointValues {
     /// The strain, and the standard uncertainty of exx, eyy and exy; `None` where no element with all nodes
     /// measured lies around a corner of the point's element, or where the field folds.
     pub strain: Option<(TensorStrain, [f64; 3])>,
-    /// Its invariants, in their order, and the rotation in degrees. Where the principal strains differ by less than
+    /// Its invariants, in the order of [`Invariant::ALL`]. Where the principal strains differ by less than
     /// noise, `e1` is too large and `e2` too small by about as much.
-    pub invariants: Option<[Value; 6]>,
+    pub invariants: Option<[Value; 5]>,
+    /// Rotation, degrees from x towards y; there where a strain is.
+    pub rotation_deg: Option<Value>,
     /// The same as `strain` over a window of nodes, interpolated between those of the element (its standard uncertainty
     /// as well: windows of neighbours share most of their noise); `None` where it is not known at one of them, or not
     /// asked for.
@@ -98,13 +100,24 @@ pub fn at_point<U: Length>(
     let [c, s] = if length > 0.0 { displacement.map(|u| u / length) } else { [1.0, 0.0] };
     let along = Reading::new(value.iter().map(|&(node, w)| (node, [c * w, s * w])));
     let magnitude = Value { value: length, sigma: noise.sigma(along.weights(), &field.sigma) };
-    let (strain, invariants) = gradient_weights(mesh, noise, &weights)
-        .and_then(|by| strain_of(field, noise, definition, &by))
-        .map(|(strain, sigma, invariants)| ((strain, sigma), invariants))
-        .unzip();
+    let by = gradient_weights(mesh, noise, &weights);
+    let (strain, invariants, rotation_deg) = match by.and_then(|by| strain_of(field, noise, definition, &by)) {
+        Some((strain, sigma, invariants, rotation)) => (Some((strain, sigma)), Some(invariants), Some(rotation)),
+        None => (None, None, None),
+    };
     let model_error = model_error_at(field, noise, at, &weights);
     let (window, window_model_error) = (None, None);
-    Some(PointValues { displacement, sigma, model_error, magnitude, strain, invariants, window, window_model_error })
+    Some(PointValues {
+        displacement,
+        sigma,
+        model_error,
+        magnitude,
+        strain,
+        invariants,
+        rotation_deg,
+        window,
+        window_model_error,
+    })
 }
 
 /// What the displacement at a point may be off beyond noise: what its element does not follow, and where it is read from
@@ -163,7 +176,7 @@ fn strain_of<U: Length>(
     noise: &NodalNoise,
     definition: StrainDefinition,
     by: &[(usize, [f64; 2])],
-) -> Option<(TensorStrain, [f64; 3], [Value; 6])> {
+) -> Option<(TensorStrain, [f64; 3], [Value; 5], Value)> {
     let mut gradient = [[0.0; 2]; 2];
     for &(node, d) in by {
         for c in 0..2 {
@@ -183,9 +196,8 @@ fn strain_of<U: Length>(
         let by_gradient = [0, 1].map(|c| [0, 1].map(|k| (0..3).map(|e| by_strain[e] * slopes[e][c][k]).sum::<f64>()));
         Value { value: strain.invariant(which), sigma: sigma_of(by_gradient) }
     };
-    let [major, minor, direction, shear, von_mises] = Invariant::ALL.map(invariant);
     let rotation = Value { value: rotation_deg(gradient), sigma: sigma_of(slopes_of_rotation(gradient)) };
-    Some((strain, slopes.map(sigma_of), [major, minor, direction, shear, von_mises, rotation]))
+    Some((strain, slopes.map(sigma_of), Invariant::ALL.map(invariant), rotation))
 }
 
 /// A straight line with points at equal distances.
