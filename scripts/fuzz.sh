@@ -30,11 +30,14 @@ words=out/fuzz/words.dict
 grep -o '`[][A-Za-z_0-9"-]*`' docs/case.md | tr -d '`[]"' | grep . | sort -u | sed 's/.*/"&"/' > "$words"
 
 attack() { # TARGET: for so many seconds
-    local target=$1 log=out/fuzz/$1.log dictionary=() runs edges found line ended=0
+    local target=$1 log=out/fuzz/$1.log dictionary=() longest=8192 runs edges found line ended=0
     mkdir -p "out/fuzz/$target" "fuzz/seeds/$target"
-    case $target in cases | joints) dictionary=(-dict="$words") ;; esac
+    case $target in
+        cases | joints) dictionary=(-dict="$words") ;;
+        fields) longest=32768 ;; # HDF5
+    esac
     # Nobody else writes into the folder of its inputs: it need not be looked at every second.
-    "$programs/$target" -max_total_time="$seconds" -timeout=60 -rss_limit_mb=1024 -malloc_limit_mb=512 -max_len=8192 -reload=0 \
+    "$programs/$target" -max_total_time="$seconds" -timeout=60 -rss_limit_mb=1024 -malloc_limit_mb=512 -max_len="$longest" -reload=0 \
         "${dictionary[@]}" -artifact_prefix="out/fuzz/findings/$target-" -print_final_stats=1 "out/fuzz/$target" "fuzz/seeds/$target" \
         > "$log" 2>&1 || ended=1
     # Every run keeps its line: the sum of the executions is the record.

@@ -142,13 +142,16 @@ fn at_points(desk: &Desk, folder: &str) -> Vec<f64> {
 fn what_probe_reads_of_a_run_is_what_it_reads_of_the_same_field_exported_and_imported_again() {
     let desk = Desk::with_series();
     desk.correlate(&format!("{INSIDE} --pixel-size 0.01 --output run ref.png a.png b.png")).fine();
-    desk.run("export run --to nodemap,vic-2d,matchid --quiet").fine();
+    desk.run("export run --to nodemap,vic-2d,matchid,hdf5 --quiet").fine();
+    desk.run("export run --to hdf5 --split --quiet").fine();
     let (points, wanted) = (at_points(&desk, "run"), gauge(&desk, "run", "32,32,96,32"));
     let read = [
         ("run/csv/*.csv", "--pixel-size 0.01"),
         ("run/nodemap/*.txt", "--pixel-size 0.01 --sigma 0.01"),
         ("run/vic-2d/*.csv", "--pixel-size 0.01"),
         ("run/matchid/*.csv", "--pixel-size 0.01 --sigma 0.01"),
+        ("run/fields.h5", "--pixel-size 0.01"),
+        ("run/hdf5/*.h5", "--pixel-size 0.01"),
     ];
     for (k, (files, options)) in read.into_iter().enumerate() {
         let folder = format!("back-{k}");
@@ -234,7 +237,7 @@ fn noise_is_stated_measured_at_rest_or_asked_for() {
 fn what_a_file_leaves_open_is_asked_and_what_is_no_field_is_named() {
     let desk = Desk::new();
     let line = |p: [f64; 4]| p.map(|v| v.to_string()).join(",");
-    let cases: [(&str, String, &str, &[&str]); 11] = [
+    let cases: [(&str, String, &str, &[&str]); 12] = [
         (
             "unit.txt",
             table("x,y,u,v", line),
@@ -273,7 +276,8 @@ fn what_a_file_leaves_open_is_asked_and_what_is_no_field_is_named() {
             "--unit px --y down --sigma 1",
             &["two points are at the place (16, 16)"],
         ),
-        ("mat.txt", "MATLAB 7.3 MAT-file".into(), "", &["HDF5", "Ncorr", "writetable"]),
+        ("mat.txt", "MATLAB 7.3 MAT-file".into(), "", &["mat.txt", "the HDF5 file cannot be read"]),
+        ("ncorr.txt", table("x,y,u,v", line), "--layout ncorr", &["layout ncorr: it is in HDF5"]),
         ("zip.txt", "PK\x03\x04".into(), "", &["the archive cannot be read"]),
         (
             "line.txt",
@@ -288,7 +292,7 @@ fn what_a_file_leaves_open_is_asked_and_what_is_no_field_is_named() {
     }
     assert!(!desk.path("out").exists());
     desk.run("import none.txt --output out").refused(&["none.txt", "cannot be read"]);
-    desk.run("import unit.txt --layout vic --output out").refused(&["vic-2d, table"]);
+    desk.run("import unit.txt --layout vic --output out").refused(&["vic-2d, ncorr, dic-exchange, table"]);
 }
 
 #[test]
@@ -372,6 +376,41 @@ fn arrays_of_matlab_are_read_packed_or_not_and_what_they_lack_is_named() {
         desk.write(file, content);
         desk.run(&format!("import {file} --sigma 1 --output none")).refused(&[file, wanted]);
     }
+}
+
+#[test]
+fn files_in_hdf5_of_ncorr_matlab_and_the_exchange_are_read_as_h5py_writes_them() {
+    // Made by scripts/hdf5_seeds.py.
+    let desk = Desk::new();
+    let seed = |name: &str| std::fs::read(format!("{}/fuzz/seeds/fields/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    for (file, options, said, n_invalid) in [
+        ("ncorr-one.mat", "--sigma 0.01", "1 frame of layout ncorr: 95 nodes", 1),
+        ("ncorr.mat", "--sigma 0.01", "2 frames of layout ncorr: 95 nodes", 2),
+        ("vic73.mat", "", "1 frame of layout vic-2d: 95 nodes", 1),
+        (
+            "exchange.h5",
+            "--sigma 0.01 --unit mm --y up --pixel-size 0.05",
+            "2 frames of layout dic-exchange: 96 nodes",
+            1,
+        ),
+    ] {
+        desk.write(file, seed(file));
+        let folder = format!("out-{file}");
+        let ran = desk.run(&format!("import {file} {options} --output {folder}")).fine();
+        assert!(ran.stderr.contains(said), "{ran}");
+        assert_eq!(desk.json(&format!("{folder}/import.json"))["n_invalid"], n_invalid, "{file}");
+        // 40 px along y under a stretch of 1 %.
+        let found = gauge(&desk, &folder, "40,24,40,48");
+        assert!((found["strain_engineering"] - 0.01).abs() < 1e-9, "{file}: {found:?}");
+        assert!((found["elongation_px"] - 0.24).abs() < 1e-7, "{file}: {found:?}");
+    }
+    let exchange = "import exchange.h5 --sigma 0.01 --output none";
+    desk.run(exchange).refused(&["vector/coordinates", "--unit"]);
+    desk.run(&format!("{exchange} --unit mm --pixel-size 0.05")).refused(&["--y up"]);
+    desk.run(&format!("{exchange} --layout ncorr")).refused(&["has the layout dic-exchange"]);
+    let cut = seed("ncorr.mat");
+    desk.write("cut.mat", &cut[..cut.len() / 2]);
+    desk.run("import cut.mat --sigma 1 --output none").refused(&["cut.mat"]);
 }
 
 /// A model of one element over the whole image with displacements linear in the position, as an input file of Abaqus

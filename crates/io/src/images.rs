@@ -3,6 +3,7 @@
 mod film;
 mod foreign;
 mod packed;
+mod pfm;
 pub(super) mod raw;
 pub(super) mod upright;
 mod write;
@@ -350,6 +351,7 @@ impl PagedFile {
                 Ok((list.decode(bytes.as_mut_slice(), page, accepted)?, list.len()))
             }
             (Content::Large(file), Some(list), _) => Ok((list.decode(file, page, accepted)?, list.len())),
+            (Content::Whole(bytes), None, Format::Pfm) if page == 0 => Ok((pfm::decode(bytes, accepted)?, 1)),
             (Content::Whole(bytes), None, Format::Other(format)) if page == 0 => {
                 Ok((decode(bytes, format, accepted)?, 1))
             }
@@ -412,6 +414,7 @@ fn named(problem: ImageFault, path: &Path, format: &'static str, page: usize) ->
 enum Format {
     Tiff,
     Film,
+    Pfm,
     Other(ImageFormat),
 }
 
@@ -419,6 +422,9 @@ impl Format {
     fn of(bytes: &[u8], path: &Path) -> Result<Self, ReadError> {
         if tiff_pages::is_tiff(bytes) {
             return Ok(Format::Tiff);
+        }
+        if pfm::is_pfm(bytes) {
+            return Ok(Format::Pfm);
         }
         if let Some(foreign) = Foreign::of(path, bytes) {
             return Err(ReadError::Foreign(path.to_owned(), foreign.what, foreign.remedy(path)));
@@ -436,13 +442,14 @@ impl Format {
 
     fn is_read(self) -> bool {
         use ImageFormat::{Bmp, Jpeg, Png, Pnm};
-        matches!(self, Format::Tiff | Format::Other(Png | Bmp | Jpeg | Pnm))
+        matches!(self, Format::Tiff | Format::Pfm | Format::Other(Png | Bmp | Jpeg | Pnm))
     }
 
     fn name(self) -> &'static str {
         match self {
             Format::Tiff => "TIFF",
             Format::Film => "video",
+            Format::Pfm => "PFM",
             Format::Other(ImageFormat::Png) => "PNG",
             Format::Other(ImageFormat::Bmp) => "BMP",
             Format::Other(ImageFormat::Jpeg) => "JPEG",

@@ -124,6 +124,11 @@ impl Array {
         Self { shape, is_fortran: true, values }
     }
 
+    /// Of this shape, numbers row by row.
+    pub fn by_rows(shape: Vec<u64>, values: Values) -> Self {
+        Self { shape, is_fortran: false, values }
+    }
+
     /// The number at a place, counted column by column; NaN beyond the end.
     pub fn nth(&self, at: usize) -> f64 {
         let rows = self.shape.first().map_or(1, |&n| n.max(1) as usize);

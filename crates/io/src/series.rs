@@ -86,10 +86,10 @@ fn images_in(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Endings of the names of images.
-const ENDINGS: [&str; 10] = ["tif", "tiff", "btf", "png", "bmp", "jpg", "jpeg", "pgm", "ppm", "pnm"];
+const ENDINGS: [&str; 11] = ["tif", "tiff", "btf", "png", "bmp", "jpg", "jpeg", "pgm", "ppm", "pnm", "pfm"];
 
 /// Whether the name ends as that of an image.
-pub(crate) fn has_image_ending(path: &Path) -> bool {
+pub fn has_image_ending(path: &Path) -> bool {
     let ending = path.extension().and_then(|ending| ending.to_str());
     ending.is_some_and(|ending| ENDINGS.iter().any(|known| known.eq_ignore_ascii_case(ending)))
 }
@@ -127,6 +127,11 @@ fn expand(
     }
     let mut seen = HashSet::new();
     files.retain(|file| seen.insert(file.clone()));
+    // A film and its description are one.
+    files.retain(|file| {
+        let is_description = file.extension().is_some_and(|ending| ending == "cih" || ending == "cihx");
+        !(is_description && seen.contains(&file.with_extension("mraw")))
+    });
     Ok(files)
 }
 

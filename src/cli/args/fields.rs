@@ -30,6 +30,9 @@ pub enum Target {
     /// DIR/matchid/NNNNNN.csv with the columns of MatchID: px.
     #[value(name = "matchid")]
     MatchId,
+    /// DIR/fields.h5 in the exchange layout of DIC_Exchange (TU Dresden): mm, or px without scale; with --split
+    /// DIR/hdf5/NNNNNN.h5.
+    Hdf5,
     /// DIR/boundary/NNNNNN.csv and .inp: displacements of the border of each zone, mm, y up, for a model.
     Boundary,
 }

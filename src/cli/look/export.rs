@@ -4,7 +4,7 @@ use crate::camera::Rectifier;
 use crate::cli::args::{ExportArgs, Target};
 use crate::cli::{Outcome, Result, plural, without_doubles};
 use crate::io::arrays::{ArrayFile, ArrayFileError, Shape, Values};
-use crate::io::foreign::{Border, WrittenLayout, write_points};
+use crate::io::foreign::{Border, Exchange, WrittenLayout, write_points};
 use crate::io::mat::MatWriter;
 use crate::io::npz::NpzWriter;
 use crate::io::store::{Place, Store, Variable};
@@ -44,6 +44,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
             Target::MatchId => export.write_points(target, WrittenLayout::MatchId)?,
             Target::Boundary => export.write_border()?,
             Target::Npz | Target::Mat => export.write_arrays(target)?,
+            Target::Hdf5 => export.write_exchange()?,
         }
     }
     if !args.talk.quiet {
@@ -84,6 +85,7 @@ fn place(target: Target) -> [&'static str; 2] {
         Target::Vic2d => ["vic-2d", "csv"],
         Target::MatchId => ["matchid", "csv"],
         Target::Boundary => ["boundary", "csv"],
+        Target::Hdf5 => ["hdf5", "h5"],
     }
 }
 
@@ -95,7 +97,7 @@ fn name(target: Target, number: Option<usize>) -> String {
 
 fn refuse_to_replace(args: &ExportArgs, output: &Path, targets: &[Target], numbers: &[usize]) -> Result<()> {
     for &target in targets {
-        let single = matches!(target, Target::Npz | Target::Mat) && !args.split;
+        let single = matches!(target, Target::Npz | Target::Mat | Target::Hdf5) && !args.split;
         let names: Vec<String> = match single {
             true => vec![name(target, None)],
             false => numbers.iter().map(|&number| name(target, Some(number))).collect(),
@@ -191,21 +193,56 @@ impl Export<'_> {
         Ok(())
     }
 
-    fn write_arrays(&mut self, target: Target) -> Result<()> {
-        let Self { store, folder, numbers, split, ticker } = self;
-        if *split {
-            folder.make(place(target)[0])?;
+    /// Each file that is to be written, and its frames.
+    fn files(&self, target: Target) -> Result<Vec<(String, Vec<usize>)>> {
+        if !self.split {
+            return Ok(vec![(name(target, None), self.numbers.to_vec())]);
         }
-        let files: Vec<(String, &[usize])> = match split {
-            true => numbers.chunks(1).map(|one| (name(target, Some(one[0])), one)).collect(),
-            false => vec![(name(target, None), *numbers)],
-        };
+        self.folder.make(place(target)[0])?;
+        Ok(self.numbers.iter().map(|&number| (name(target, Some(number)), vec![number])).collect())
+    }
+
+    /// Writes exchange files: the reference and frames behind it.
+    fn write_exchange(&mut self) -> Result<()> {
+        /// Bytes of a file, which is made in memory.
+        const MOST: usize = 1 << 30;
+        let files = self.files(Target::Hdf5)?;
+        let (store, header) = (self.store, self.store.header());
+        let steps = files.iter().map(|(_, numbers)| numbers.len() + 1).max().unwrap_or(0);
+        if steps.saturating_mul(Exchange::step_bytes(store.mesh().n_nodes())) > MOST {
+            return Err("the HDF5 file would have more than 1 GiB; use --split or --frames".into());
+        }
+        let camera = Rectifier::new(header.camera()?, store.mesh())?;
+        let about = format!("quadrille {}; strains: {:?}", header.quadrille, header.strain);
+        let (mut done, total) = (0, self.numbers.len());
+        for (name, numbers) in files {
+            let mut file: Option<Exchange> = None;
+            for &number in &numbers {
+                let (Some(frame), Some(strain)) = (store.frame(number)?, store.strain(number)?) else { continue };
+                // Millimetres are those of the plane; px stay raw.
+                let in_plane = header.pixel_size.is_some().then(|| camera.rectify(&frame.measurement));
+                let field = in_plane.as_deref().unwrap_or(&frame.measurement);
+                let file = file.get_or_insert_with(|| Exchange::new(&field.mesh, header.pixel_size));
+                file.add(number as f64, field, &strain);
+                done += 1;
+                self.ticker.tick("hdf5", done, total);
+            }
+            if let Some(file) = file {
+                self.folder.write(&name, |out| file.write(out, &about, "number of the frame"))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn write_arrays(&mut self, target: Target) -> Result<()> {
+        let files = self.files(target)?;
+        let Self { store, folder, split, ticker, .. } = self;
         let n_files = files.len();
         for (done, (name, numbers)) in files.into_iter().enumerate() {
             folder.write(&name, |out| {
                 let written = match target {
-                    Target::Mat => write_mat(&mut *out, store, numbers, *split, ticker),
-                    _ => write_npz(&mut *out, store, numbers, *split, ticker),
+                    Target::Mat => write_mat(&mut *out, store, &numbers, *split, ticker),
+                    _ => write_npz(&mut *out, store, &numbers, *split, ticker),
                 };
                 written.map_err(io::Error::other)
             })?;

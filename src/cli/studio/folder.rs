@@ -1,12 +1,11 @@
 //! The folder of a studio: its images, and nothing else.
 
 use crate::io::images::Accepted;
-use crate::io::series::{Frame, NameOrder};
+use crate::io::series::{Frame, NameOrder, has_image_ending};
 use crate::report::Backdrop;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-const IMAGES: [&str; 8] = ["png", "tif", "tiff", "bmp", "jpg", "jpeg", "pgm", "pnm"];
 const MOST: usize = 20_000;
 /// Pixels of the picture for one of a figure: zones are drawn to the pixel.
 const RATIO: u32 = 2;
@@ -56,7 +55,7 @@ pub(super) fn is_inside(folder: &Path, path: &Path) -> bool {
 fn in_folder(root: &Path, folder: &Path) -> Vec<Listed> {
     let listed = |path: PathBuf| {
         let ending = path.extension()?.to_str()?.to_owned();
-        if !IMAGES.contains(&ending.to_lowercase().as_str()) || !path.is_file() || !is_inside(root, &path) {
+        if !has_image_ending(&path) || !path.is_file() || !is_inside(root, &path) {
             return None;
         }
         let from_root = path.strip_prefix(root).ok()?.to_str()?.replace(std::path::MAIN_SEPARATOR, "/");

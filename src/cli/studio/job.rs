@@ -1,6 +1,6 @@
 //! A run that goes on while the page looks on.
 
-use crate::cli::{chain, plural};
+use crate::cli::{allocator, chain, plural};
 use crate::io::case::read_case;
 use crate::run::{CaseRun, Event, Existing, Outcome, Plan, Request, RunFolder, Session, Stop, run_case, run_series};
 use rayon::ThreadPool;
@@ -120,6 +120,7 @@ impl Job {
                     Err(_) => (going.outcome, going.error) = (Some("failed"), Some(BUG.to_owned())),
                 }
             });
+            allocator::give_back();
         });
         true
     }

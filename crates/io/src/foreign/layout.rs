@@ -86,7 +86,7 @@ pub struct Layout {
     pub name: &'static str,
     /// The program.
     pub program: &'static str,
-    /// Possible names of the columns of x, y, u and v.
+    /// Possible names of the columns of x, y, u and v; none of what is no table.
     pub(super) columns: &'static [[&'static str; 4]],
     /// Columns of which one is there, where those above do not tell it from others.
     pub(super) beside: &'static [&'static str],
@@ -118,7 +118,7 @@ const PLAIN: Layout = Layout {
 };
 
 /// All layouts; the first that fits is taken.
-pub const LAYOUTS: [Layout; 8] = [
+pub const LAYOUTS: [Layout; 10] = [
     Layout {
         name: "quadrille",
         program: "quadrille",
@@ -188,6 +188,15 @@ pub const LAYOUTS: [Layout; 8] = [
         y: Some(YAxis::Down),
         invalid: Some(Invalid::NegativeSigma),
     },
+    Layout {
+        name: super::hdf5::NCORR,
+        program: "Ncorr",
+        columns: &[],
+        unit: Some(LengthUnit::Px),
+        y: Some(YAxis::Down),
+        ..PLAIN
+    },
+    Layout { name: super::hdf5::EXCHANGE, program: "another program", columns: &[], ..PLAIN },
     PLAIN,
 ];
 

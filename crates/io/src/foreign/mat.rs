@@ -89,7 +89,7 @@ fn array(kind: u32, data: &[u8], is_little: bool) -> Option<(String, Array)> {
 }
 
 /// The numbers of a type, of whatever size they were stored in.
-fn values(kind: u32, data: &[u8], is_little: bool) -> Option<Vec<f64>> {
+pub(super) fn values(kind: u32, data: &[u8], is_little: bool) -> Option<Vec<f64>> {
     macro_rules! all {
         ($number:ty) => {{
             let number = |bytes: &[u8]| {

@@ -5,6 +5,8 @@
 
 mod archive;
 mod border;
+mod exchange;
+mod hdf5;
 mod layout;
 mod mat;
 mod node_table;
@@ -12,6 +14,7 @@ mod table;
 mod write;
 
 pub use border::Border;
+pub use exchange::Exchange;
 pub use layout::{LAYOUTS, Layout, LengthUnit, YAxis};
 pub use node_table::{NodeTable, read_node_table};
 pub use write::{WrittenLayout, write_points};
@@ -73,16 +76,6 @@ pub enum FieldError {
         path: PathBuf,
         /// Its line, from 1.
         line: usize,
-    },
-    /// It is a file of another kind.
-    #[error("{}: this is {what}; {todo}", path.display())]
-    Kind {
-        /// The file.
-        path: PathBuf,
-        /// What it is.
-        what: &'static str,
-        /// What to do.
-        todo: &'static str,
     },
     /// No layout fits.
     #[error(
@@ -200,14 +193,11 @@ pub fn read_points(path: &Path, options: &FieldOptions) -> Result<Vec<FieldPoint
 /// # Errors
 /// As [`read_points`].
 pub fn parse_points(bytes: &[u8], path: &Path, options: &FieldOptions) -> Result<Vec<FieldPoints>, FieldError> {
-    let kind = |what, todo| Err(FieldError::Kind { path: path.to_owned(), what, todo });
     match bytes {
         [b'P', b'K', 3, 4, ..] => archive::parse(archive::of_numpy(bytes), path, options),
-        [0x89, b'H', b'D', b'F', ..] | [b'M', b'A', b'T', b'L', b'A', b'B', b' ', b'7', ..] => kind(
-            "an HDF5 file (MATLAB 7.3, as Ncorr saves), which needs a C library",
-            "write the fields as a table: in MATLAB of Ncorr, d = data_dic_save.displacements(1); [r, c] = \
-             find(d.roi_dic.mask); writetable(table(x, y, u, v), 'frame1.csv') with positions in px",
-        ),
+        [0x89, b'H', b'D', b'F', ..] | [b'M', b'A', b'T', b'L', b'A', b'B', b' ', b'7', ..] => {
+            hdf5::parse(bytes, path, options)
+        }
         [b'M', b'A', b'T', b'L', b'A', b'B', ..] => archive::parse(mat::read_arrays(bytes), path, options),
         _ => table::parse(bytes, path, options).map(|points| vec![points]),
     }

@@ -99,7 +99,8 @@ impl Header {
             None => FieldError::Unknown { path, columns },
             Some(layout) => {
                 let wanted: Vec<String> = layout.columns.iter().map(|names| names.join(", ")).collect();
-                FieldError::Missing { path, layout: layout.name, wanted: wanted.join(" or "), columns }
+                let wanted = if wanted.is_empty() { "it is in HDF5".into() } else { wanted.join(" or ") };
+                FieldError::Missing { path, layout: layout.name, wanted, columns }
             }
         })
     }
