@@ -105,8 +105,8 @@ pub(crate) fn wanted_camera(asked: &CaseCamera, case: &CaseFile) -> Result<Optio
     let camera = match &asked.file {
         // Another camera: of the case what is no number of it.
         Some(_) => {
-            let CaseCamera { exact, distance_std, still, .. } = section;
-            CaseCamera { exact, distance_std, still, ..asked.clone() }.resolved(Path::new(""))?
+            let CaseCamera { exact, distance_std, telecentric, still, .. } = section;
+            CaseCamera { exact, distance_std, telecentric, still, ..asked.clone() }.resolved(Path::new(""))?
         }
         None => section.resolved(&case.base)?,
     };

@@ -16,6 +16,6 @@ mod term;
 
 pub use field::Rectifier;
 pub use model::Camera;
-pub use shape::{CameraError, CameraShape, Covariance, PARAMETERS, Theta, USUAL_DISTORTION};
+pub use shape::{CameraError, CameraShape, Covariance, PARAMETERS, Theta, USUAL_DISTANCE, USUAL_DISTORTION};
 pub use still::StillMotion;
 pub use term::CameraTerm;

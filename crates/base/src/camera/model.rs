@@ -1,6 +1,6 @@
 //! The map from the plane to raw pixels, its inverse, and their derivatives.
 
-use super::shape::{CameraError, CameraShape, Covariance, PARAMETERS, Theta, USUAL_DISTORTION};
+use super::shape::{CameraError, CameraShape, Covariance, PARAMETERS, Theta, USUAL_DISTANCE, USUAL_DISTORTION};
 use crate::plane::Point;
 
 /// A matrix of two rows.
@@ -72,14 +72,16 @@ impl Camera {
         Ok(camera)
     }
 
-    /// Of nothing known: no distortion, and the uncertainty of a usual lens, [`USUAL_DISTORTION`] at the corner.
+    /// Of nothing known: no distortion, and the uncertainty of a usual lens, [`USUAL_DISTORTION`] at the corner, and of a
+    /// usual distance.
     ///
     /// # Errors
     /// Images without pixels.
     pub fn usual(image_size_px: [usize; 2]) -> Result<Self, CameraError> {
         let mut std = [0.0; PARAMETERS.len()];
         std[0] = USUAL_DISTORTION;
-        Self::new(CameraShape { covariance: Covariance::of_std(&std), ..CameraShape::plain(image_size_px) })
+        let (covariance, distance_std) = (Covariance::of_std(&std), USUAL_DISTANCE);
+        Self::new(CameraShape { covariance, distance_std, ..CameraShape::plain(image_size_px) })
     }
 
     /// What it is given by.

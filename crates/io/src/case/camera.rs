@@ -1,7 +1,7 @@
 //! The camera of a case, and the files that hold one.
 
 use super::{CaseError, over, parse_case};
-use crate::camera::{Camera, CameraError, CameraShape, Covariance, PARAMETERS, USUAL_DISTORTION};
+use crate::camera::{Camera, CameraError, CameraShape, Covariance, PARAMETERS, USUAL_DISTANCE, USUAL_DISTORTION};
 use crate::opencv::{OpencvError, parse_opencv};
 use crate::text::{read_file, text_of};
 use schemars::JsonSchema;
@@ -73,10 +73,14 @@ pub struct CaseCamera {
     #[cfg_attr(feature = "cli", arg(skip))]
     pub pixel_size_relative_std: Option<f64>,
     /// Standard uncertainty of a relative change of the distance to the specimen from frame to frame, `dZ/Z`: it
-    /// strains all that is seen by as much.
-    #[schemars(extend("default" = 0.0, "x-implied" = true))]
+    /// strains all that is seen by as much. Without it a usual one is reckoned with.
+    #[schemars(extend("default" = 1e-4, "x-implied" = true))]
     #[cfg_attr(feature = "cli", arg(skip))]
     pub distance_std: Option<f64>,
+    /// Whether the lens is telecentric: the scale does not change with the distance, and there is no perspective.
+    #[schemars(extend("default" = false, "x-implied" = true))]
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub telecentric: Option<bool>,
     /// Names of zones in the plane of the specimen that do not deform, best on both sides of it. How they seem to move
     /// (shift, turn, scale) is the camera's, and is taken off each frame; `distance_std` is then not needed.
     #[cfg_attr(feature = "cli", arg(skip))]
@@ -180,8 +184,16 @@ impl CaseCamera {
         for (k, pair) in [(5, self.centre_px), (7, self.tilt_per_px), (9, self.stretch)] {
             put(&mut shape.theta, k, pair);
         }
-        shape.distance_std = self.distance_std.unwrap_or(0.0);
         shape.still = self.still.clone().unwrap_or_default();
+        let is_known = self.telecentric == Some(true) || !shape.still.is_empty();
+        shape.distance_std = self.distance_std.unwrap_or(if is_known { 0.0 } else { USUAL_DISTANCE });
+        if self.telecentric == Some(true) {
+            let is_tilted = [self.tilt_per_px, self.tilt_per_px_std].iter().flatten().flatten().any(|v| *v != 0.0);
+            if is_tilted || shape.distance_std != 0.0 {
+                let what = "true, where a perspective or a change of the distance is stated; take that away";
+                return Err(key("telecentric", what));
+            }
+        }
         shape.covariance = self.uncertainty()?;
         if self.exact == Some(true) {
             (shape.covariance, shape.distance_std) = (Covariance::default(), 0.0);
@@ -315,6 +327,7 @@ mod tests {
         refused("[camera]\ndistortion = [nan]", "k1 is NaN");
         refused("[camera]\ndistortion = [-0.6]", "folds inside the image");
         refused("[camera]\ndistance_std = -1", "the distance is -1");
+        refused("[camera]\ntelecentric = true\ntilt_per_px = [1e-5, 0]", "telecentric: true, where a perspective");
         refused("[camera]\nfocal_px = [0, 1]", "focal_px is 0");
         refused("[camera]\npixel_size_relative_std = nan", "pixel_size_relative_std: NaN");
         refused("[camera]\ncovariance = [[1.0]]", "covariance_of");
@@ -334,5 +347,10 @@ mod tests {
         assert_eq!(usual, Camera::usual([640, 480]).unwrap());
         let exact = CaseCamera { exact: Some(true), ..CaseCamera::default() }.camera([640, 480]).unwrap();
         assert!(exact.is_plain() && exact.is_exact());
+        let distance = |text: &str| parse(text).unwrap().camera([640, 480]).unwrap().shape().distance_std;
+        assert_eq!(distance("[camera]\ndistortion = [1e-3]"), USUAL_DISTANCE);
+        assert_eq!(distance("[camera]\ndistance_std = 0"), 0.0);
+        assert_eq!(distance("[camera]\ntelecentric = true"), 0.0);
+        assert_eq!(distance("[camera]\nstill = ['rail']"), 0.0);
     }
 }

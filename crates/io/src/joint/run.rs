@@ -40,7 +40,11 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
     let n_nodes = (0..n_zones).map(|zone| measured.zone_nodes(zone).end).max().unwrap_or(0);
     let n_elements = (0..n_zones).map(|zone| measured.zone_elements(zone).end).max().unwrap_or(0);
     let on_specimen = Arc::new(measured.to_mm(scale));
-    let is_stated = header.case_camera().is_some_and(|camera| camera.states_camera());
+    let case_camera = header.case_camera().unwrap_or_default();
+    let is_stated = |term: &str| match term {
+        "distance" => case_camera.distance_std.is_some() || case_camera.still.is_some(),
+        _ => case_camera.states_camera(),
+    };
     let mut camera: Vec<RunCamera> = Vec::new();
     let mesh = JointMeshFile {
         path: path.to_owned(),
@@ -63,7 +67,7 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
                 }
                 for (k, CameraTerm { name, change, .. }) in rectifier.terms(&field).into_iter().enumerate() {
                     if k == camera.len() {
-                        camera.push(RunCamera { name: name.to_owned(), is_stated, instants: Vec::new() });
+                        camera.push(RunCamera { name: name.to_owned(), is_stated: is_stated(name), instants: Vec::new() });
                     }
                     let in_mm = |u: [f64; 2]| scale.to_mm(Vector::new(u)).components();
                     if let Some(of) = camera.get_mut(k) {
