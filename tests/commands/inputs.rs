@@ -7,6 +7,7 @@ use program::{Desk, HEIGHT, INSIDE, Ran, WIDTH, assert_moved, moved, remarks, sp
 use quadrille::imaging::{Image, Levels, Pixels};
 use quadrille::io::csv::DisplacementRow;
 use quadrille::io::mask::{MaskError, read_mask};
+use quadrille::io::store::Store;
 use quadrille::remark::Code;
 use quadrille::synth::{Depth, RenderOptions, Texture, Translation, render};
 use serde_json::Value;
@@ -347,6 +348,76 @@ fn the_grid_of_a_run_can_be_measured_with_again() {
             assert!((same.px.displacement[c] - row.px.displacement[c]).abs() < 1e-3, "{row:?} {same:?}");
         }
     }
+}
+
+#[test]
+fn zones_and_meshes_of_a_drawing_in_mm_lie_where_the_camera_sees_them() {
+    const MM: f64 = 0.05;
+    const K1: f64 = 0.01;
+    const ORIGIN: [f64; 2] = [20.0, 76.0];
+    let desk = Desk::with_series();
+    // Two elements of 1.6 mm by 1.5 mm, from the lower left corner.
+    let nodes = [[0.0, 0.0], [1.6, 0.0], [3.2, 0.0], [0.0, 1.5], [1.6, 1.5], [3.2, 1.5]];
+    let rows = nodes.iter().zip(1..).map(|([x, y], k)| format!("{k} {x} {y} 0\n")).collect::<String>();
+    desk.write(
+        "part.msh",
+        format!(
+            "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n6\n{rows}$EndNodes\n$Elements\n2\n1 3 2 1 1 1 2 5 4\n\
+             2 3 2 1 1 2 3 6 5\n$EndElements\n"
+        ),
+    );
+    let case = |zone: &str| {
+        format!(
+            "[images]\nreference = \"ref.png\"\ndeformed = \"a.png\"\npixel_size_mm = {MM}\n\
+             [camera]\ndistortion = [{K1}]\n[[zone]]\nname = \"part\"\n{zone}\n"
+        )
+    };
+    // Brown's model about the middle of the image, with half the diagonal as length.
+    let centre = [WIDTH, HEIGHT].map(|n| 0.5 * (n as f64 - 1.0));
+    let half = 0.5 * (WIDTH as f64).hypot(HEIGHT as f64);
+    let seen = |[x, y]: [f64; 2]| {
+        let d = [x - centre[0], y - centre[1]];
+        let factor = 1.0 + K1 * (d[0] * d[0] + d[1] * d[1]) / (half * half);
+        [centre[0] + factor * d[0], centre[1] + factor * d[1]]
+    };
+    let mut plane = ORIGIN;
+    for _ in 0..30 {
+        let off = seen(plane);
+        plane = [plane[0] - off[0] + ORIGIN[0], plane[1] - off[1] + ORIGIN[1]];
+    }
+    let turned = 10_f64.to_radians();
+    let wanted = |[x, y]: [f64; 2], turn: f64| {
+        let [right, up] = [turn.cos() * x - turn.sin() * y, turn.sin() * x + turn.cos() * y];
+        seen([plane[0] + right / MM, plane[1] - up / MM])
+    };
+    let place = format!("in_mm = {{ origin_px = [{}, {}] }}", ORIGIN[0], ORIGIN[1]);
+    let tilted = format!("in_mm = {{ origin_px = [{}, {}], turn_deg = 10 }}", ORIGIN[0], ORIGIN[1]);
+    let rectangle = "roi = [0, 0, 3.2, 1.5]\nelements = \"mapped\"";
+    for (folder, zone, turn) in [
+        ("mesh", format!("mesh = \"part.msh\"\n{place}"), 0.0),
+        ("turned", format!("mesh = \"part.msh\"\n{tilted}"), turned),
+        ("roi", format!("{rectangle}\n{place}"), 0.0),
+    ] {
+        desk.write("case.toml", case(&zone));
+        desk.correlate(&format!("--case case.toml --element-size 16 --output {folder}")).fine();
+        let store = Store::open(&desk.path(folder)).unwrap();
+        let found = store.mesh().nodes();
+        // Of the rectangle the corners alone: between them its sides are straight in the image.
+        let of = if folder == "roi" { vec![nodes[0], nodes[2], nodes[3], nodes[5]] } else { nodes.to_vec() };
+        for at in of {
+            let [x, y] = wanted(at, turn);
+            let near = found.iter().map(|node| (node[0] - x).hypot(node[1] - y)).fold(f64::INFINITY, f64::min);
+            assert!(near < 1e-6, "{folder}: no node at ({x}, {y}): {found:?}");
+        }
+        // The record has the drawing, and gives the same run.
+        desk.correlate(&format!("--case {folder}/run.toml --output {folder}-again")).fine();
+        let again = Store::open(&desk.path(&format!("{folder}-again"))).unwrap();
+        assert_eq!(found, again.mesh().nodes(), "{folder}");
+    }
+    desk.write("case.toml", case(&format!("{rectangle}\n{place}")).replace("pixel_size_mm = 0.05", ""));
+    desk.correlate("--case case.toml --output none").refused(&["zone 'part' is in mm", "--pixel-size"]);
+    desk.write("case.toml", case("roi = [0, 0, 3.2, 1.5]\nin_mm = { origin_px = [nan, 0] }"));
+    desk.correlate("--case case.toml --output none").refused(&["in_mm"]);
 }
 
 #[test]

@@ -357,12 +357,13 @@ const NOT_KEYS: [(&str, &str); 16] = [
 ];
 
 /// Keys of the sections of a correlation that no flag stands for, and why.
-const NOT_FLAGS: [(&str, &str); 8] = [
+const NOT_FLAGS: [(&str, &str); 9] = [
     ("correlation.poisson", "hardly a field depends on it"),
     ("zone.name", "a flag gives several zones at once"),
     ("zone.exclude", "a list of lists is no word"),
     ("zone.group", "each group of --mesh is a zone"),
     ("zone.elements", "a flag gives several zones at once"),
+    ("zone.in_mm", "a flag gives several zones at once"),
     ("crack.name", "a flag gives several cracks at once"),
     ("crack.snap", "a flag gives several cracks at once"),
     ("crack.drawn", "a run records it"),

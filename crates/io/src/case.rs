@@ -27,7 +27,7 @@ pub use crack_path::CrackPath;
 pub use document::{CaseDocument, parse_case, read_case, read_document, write_case};
 pub use drives::{CaseAppliedLoad, CaseHistory, CasePath, CasePathControl, CaseSupport, CaseTied};
 pub use explain::{CaseError, CasePlace, CaseText, heading};
-pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages, Polygon, ZoneFlags};
+pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseInMm, CaseZone, Pages, Polygon, ZoneFlags};
 pub use force::{CaseAxis, CaseDirection, CaseForce};
 pub use guard::CaseGuard;
 pub use joint::{

@@ -65,7 +65,7 @@ pub(crate) fn rehearse(case: &RunCase, plan: &Plan) -> Result<Vec<Remark>> {
 fn make_up(case: &RunCase, plan: &Plan, scale: PixelSize) -> Result<JointRun> {
     let Reference { image, .. } = Reference::of(plan)?;
     let (size, options) = ([image.width(), image.height()], &plan.options);
-    let zones = Zones::on(&plan.zones, options.element_size, size)?.zones;
+    let zones = Zones::on(plan, size)?.zones;
     let laid = PixelMesh::on_zones(&zones, options.mesh_size(), options.element_share, size)
         .map_err(|error| about_reference(plan, &image, &CorrelationError::Mesh(error)))?;
     let on_specimen = laid.mesh.to_mm(scale);

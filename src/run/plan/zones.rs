@@ -1,7 +1,8 @@
 //! The zones of a plan on the reference image: masks and mesh files are read here.
 
+use crate::camera::Camera;
 use crate::imaging::Image;
-use crate::io::case::{CaseCrack, CaseElements, CaseGuard, CaseZone};
+use crate::io::case::{CaseCrack, CaseElements, CaseGuard, CaseInMm, CaseZone};
 use crate::io::mask::read_mask;
 use crate::io::mesh_file::read_mesh;
 use crate::mesh::{Crack, Guard, Mask, MeshError, Zone, ZoneElements};
@@ -10,6 +11,7 @@ use crate::run::plan::Plan;
 use crate::run::plan::found::Found;
 use crate::run::words::Result;
 use crate::run::words::remarks::{of_zone_file, zones_found};
+use crate::units::PixelSize;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -31,7 +33,7 @@ impl Zones {
     /// in `folder`.
     pub fn of(plan: &mut Plan, reference: &Image, folder: &Path) -> Result<Self> {
         if !plan.zones.is_empty() {
-            return Self::on(&plan.zones, plan.options.element_size, [reference.width(), reference.height()]);
+            return Self::on(plan, [reference.width(), reference.height()]);
         }
         let found = Found::on(reference, plan, folder)?;
         plan.zones.clone_from(&found.cases);
@@ -41,12 +43,15 @@ impl Zones {
         Ok(Self { zones, remarks, files, found: Some(found) })
     }
 
-    /// The zones `wanted` on an image of `width` x `height` px. Mapped elements have about `size` px.
-    pub(crate) fn on(wanted: &[CaseZone], size: usize, [width, height]: [usize; 2]) -> Result<Self> {
+    /// The zones that `plan` names, on an image of `width` x `height` px.
+    pub(crate) fn on(plan: &Plan, [width, height]: [usize; 2]) -> Result<Self> {
+        let (wanted, size) = (&plan.zones, plan.options.element_size);
         let mut found = Self::default();
         let mut masks: HashMap<PathBuf, Arc<Mask>> = HashMap::new();
         for (at, zone) in wanted.iter().enumerate() {
             let name = zone.name_at(at);
+            let drawing = Drawing::of(zone, &name, plan, [width, height])?;
+            let zone = &drawing.as_ref().map_or_else(|| Ok(zone.clone()), |drawing| drawing.outline(zone))?;
             let mut region = Zone {
                 name: name.clone(),
                 roi: zone.rectangle(),
@@ -76,7 +81,7 @@ impl Zones {
                     let what = "has elements = \"mapped\" and a mesh file; leave one of them out";
                     return Err(format!("zone '{name}' {what}").into());
                 }
-                Some(file) => found.mesh(Path::new(file), zone, &region)?,
+                Some(file) => found.mesh(Path::new(file), zone, &region, drawing.as_ref())?,
                 None if zone.group.is_some() => {
                     return Err(format!("zone '{name}' has a group but no mesh; name the mesh file").into());
                 }
@@ -106,7 +111,7 @@ impl Zones {
     }
 
     /// A zone for each group of a mesh file, or for the one asked for.
-    fn mesh(&mut self, path: &Path, wanted: &CaseZone, region: &Zone) -> Result<()> {
+    fn mesh(&mut self, path: &Path, wanted: &CaseZone, region: &Zone, drawing: Option<&Drawing>) -> Result<()> {
         let mut file = read_mesh(path)?;
         self.remarks.extend(file.notes.iter().map(|note| of_zone_file(path, note)));
         self.files.push((path.to_owned(), std::mem::take(&mut file.sha256)));
@@ -120,10 +125,67 @@ impl Zones {
                 // One name for several zones: theirs tell them apart.
                 elements.name = if alone { name.clone() } else { format!("{name} {}", elements.name) };
             }
+            if let Some(drawing) = drawing {
+                elements.nodes = drawing.pixels(&elements.nodes)?;
+            }
             let name = elements.name.clone();
             self.zones.push(Zone { name, elements: Some(Arc::new(elements)), ..region.clone() });
         }
         Ok(())
+    }
+}
+
+/// The plane of a zone in mm as the camera sees it.
+struct Drawing {
+    zone: String,
+    camera: Camera,
+    scale: PixelSize,
+    place: CaseInMm,
+}
+
+impl Drawing {
+    /// That of a zone in mm; nothing of one in px.
+    fn of(zone: &CaseZone, name: &str, plan: &Plan, image: [usize; 2]) -> Result<Option<Self>> {
+        let Some(place) = zone.in_mm else { return Ok(None) };
+        if !(place.origin_px.iter().all(|v| v.is_finite()) && place.turn_deg.is_finite()) {
+            return Err(format!("zone '{name}': in_mm needs finite numbers").into());
+        }
+        let Some(scale) = plan.pixel_size else {
+            return Err(
+                format!("zone '{name}' is in mm, but nothing says how large a pixel is; give --pixel-size").into()
+            );
+        };
+        let camera = plan.camera.clone().unwrap_or_default().camera(image).map_err(|error| error.to_string())?;
+        Ok(Some(Self { zone: name.to_owned(), camera, scale, place }))
+    }
+
+    /// Where points in mm are seen, px.
+    fn pixels(&self, points: &[[f64; 2]]) -> Result<Vec<[f64; 2]>> {
+        let (sin, cos) = self.place.turn_deg.to_radians().sin_cos();
+        let origin = self.camera.plane(self.place.origin_px);
+        let origin =
+            origin.ok_or_else(|| format!("zone '{}': the camera does not see the origin of in_mm", self.zone))?;
+        let pixel = |&[x, y]: &[f64; 2]| {
+            let [right, up] = [cos * x - sin * y, sin * x + cos * y].map(|mm| mm / self.scale.mm_per_px());
+            self.camera.pixel([origin[0] + right, origin[1] - up])
+        };
+        Ok(points.iter().map(pixel).collect())
+    }
+
+    /// A zone in px with the outline of one in mm; a rectangle becomes a polygon, from its lower left corner on.
+    fn outline(&self, zone: &CaseZone) -> Result<CaseZone> {
+        let corners = |[x0, y0, x1, y1]: [f64; 4]| vec![[x0, y0], [x1, y0], [x1, y1], [x0, y1]];
+        if zone.roi.is_some() && zone.polygon.is_some() {
+            return Err(format!("zone '{}' is in mm and has both roi and polygon; give one of them", self.zone).into());
+        }
+        let outline = zone.polygon.clone().or(zone.roi.map(corners));
+        let cut = |polygons: &Vec<Vec<[f64; 2]>>| polygons.iter().map(|polygon| self.pixels(polygon)).collect();
+        Ok(CaseZone {
+            roi: None,
+            polygon: outline.map(|points| self.pixels(&points)).transpose()?,
+            exclude: zone.exclude.as_ref().map(cut).transpose()?,
+            ..zone.clone()
+        })
     }
 }
 

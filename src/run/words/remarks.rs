@@ -256,9 +256,14 @@ pub(crate) fn of_nodes(reference: &Reference) -> impl Iterator<Item = Remark> {
 /// The strips of rectangles that whole elements of `size` px leave over, from 1 px on; `None` without any.
 pub(crate) fn left_over(zones: &[CaseZone], size: usize) -> Option<Remark> {
     let of_zone = |(k, zone): (usize, &CaseZone)| {
-        let is_rectangle =
-            zone.polygon.is_none() && zone.mask.is_none() && zone.mesh.is_none() && zone.elements.is_none();
-        let [x0, y0, x1, y1] = zone.roi.filter(|_| is_rectangle)?;
+        let is_rectangle = [
+            zone.polygon.is_none(),
+            zone.mask.is_none(),
+            zone.mesh.is_none(),
+            zone.elements.is_none(),
+            zone.in_mm.is_none(),
+        ];
+        let [x0, y0, x1, y1] = zone.roi.filter(|_| is_rectangle == [true; 5])?;
         // As the mesh is laid, within round-off.
         let [right, below] = [x1 - x0, y1 - y0].map(|length| (100.0 * ((length + 1e-6) % size as f64)).round() / 100.0);
         let name = zone.name_at(k);

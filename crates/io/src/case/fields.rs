@@ -248,6 +248,22 @@ pub struct CaseZone {
     #[schemars(extend("default" = 0))]
     #[cfg_attr(feature = "cli", arg(long = "guard", value_name = "PX", allow_hyphen_values = true))]
     pub guard_px: Option<CaseGuard>,
+    /// Its coordinates, also those of its mesh file, are mm in the plane of the specimen with y up, as in a drawing:
+    /// `{ origin_px = [x, y], turn_deg = 0 }` says where their origin is seen in the reference image, and by how much
+    /// their x axis is turned from that of the image towards up. The camera is taken into account. Guards stay in px.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub in_mm: Option<CaseInMm>,
+}
+
+/// Where the coordinates of a drawing are seen.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaseInMm {
+    /// Pixel of the origin.
+    pub origin_px: [f64; 2],
+    /// Angle of the x axis from that of the image towards up, degrees.
+    #[serde(default)]
+    pub turn_deg: f64,
 }
 
 /// Zones as flags give them: several rectangles and polygons, and what holds for all of them.

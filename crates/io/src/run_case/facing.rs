@@ -139,6 +139,9 @@ enum Shape {
 
 fn shape(zone: &CaseZone, elements: Option<&ZoneElements>) -> Result<Shape, String> {
     let name = zone.name.as_deref().unwrap_or("");
+    if zone.in_mm.is_some() {
+        return Err(format!("zone \"{name}\": the zones of a joint are given in px; take in_mm away"));
+    }
     if let Some(elements) = elements {
         return Ok(Shape::Mesh(elements.clone()));
     }
