@@ -80,6 +80,16 @@ fn a_camera_is_found_on_images_moved_by_hand_and_a_gauge_reads_the_truth_with_it
     // Without a camera it is off by the lens, by more than noise; with it by noise and what is known of the camera.
     assert!((before[0].unwrap() - 2000.0).abs() > 10.0 * before[1].unwrap(), "{before:?}");
     assert!((value - 2000.0).abs() < 3.0 * sigma.hypot(camera), "{after:?}");
+    // The same camera after the run: the store holds raw px.
+    desk.run(&format!("probe raw {GAUGE} --camera cal/camera.toml --output later")).fine();
+    let table = |folder: &str| {
+        let text = desk.read(&format!("{folder}/quantities/extensometers.csv"));
+        text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(table("later"), table("plane"));
+    desk.write("small.toml", "[camera]\nimage_size_px = [100, 100]\ndistortion = [0.001]");
+    desk.run(&format!("probe raw {GAUGE} --camera small.toml")).refused(&["100 x 100 px, these have 512 x 512 px"]);
+    desk.run(&format!("probe raw {GAUGE} --camera no.toml")).refused(&["no such camera file"]);
     // Columns in mm are those of the plane.
     let rows = desk.rows("plane/csv/000001.csv");
     let corner = rows.first().unwrap();
