@@ -10,12 +10,14 @@ error over uncertainty, noise and camera together, of points, strains at points,
     lens      k1 of 0.05 to 1 % at the corner, tilt of 0 to 5 degrees, shifts of 0 to 60 px, stretch of 0 to 5 %
     rails     the distance changes by 1e-4 to 1e-3; zones beside the specimen are stated as still
     calibrate k1 from three images moved by hand, 60 draws of images of 256 px: how many hold within 1.96 sigma
+    target    a chessboard and a grid of dots, one pose tilted by 3 degrees or five, lens of 0.3 %, 60 draws: how many of k1,
+              tilts and size of a pixel hold within 1.96 sigma
     joint     the virtual test, carried along by 18 px: a lens of 0.3 % that is stated; the distance drifts by 1e-3 between
               still zones. Intervals that hold of N seeds (10), three of each, with and without the camera
 
 Exit status 1 when a limit fails: z of all lens and of all rails scenes 0.85 to 1.15; a warning in each run without a camera
 where the lens is seen; with rails the gauges hold, without they do not; 53 to 60 of 60 draws hold (chance leaves that
-once in 80); of the intervals of the joint with the camera nine of ten. Needs numpy."""
+once in 80); 90 % of the numbers from targets; of the intervals of the joint with the camera nine of ten. Needs numpy."""
 
 import argparse
 import csv
@@ -122,6 +124,37 @@ class Strips:
         step = (grid[-1] - grid[0]) / (len(grid) - 1)
         i = np.clip(np.floor((at - grid[0]) / step).astype(int), 0, len(grid) - 2)
         return i, np.clip((at - grid[0]) / step - i, -1.0, 2.0)
+
+
+def target_image(side, focal, k1, n, pitch, dots, degrees, at, fine=89):
+    """A chessboard, or dots, before a pinhole with a lens, ray by ray; in each pixel on a lattice that no edge runs along."""
+    axes = np.eye(3)
+    for axis, angle in enumerate(np.radians(degrees)):
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        axes[:, [i, j]] = axes[:, [i, j]] @ np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+    a, b, normal = axes
+    at, whole = np.array(at, float), np.zeros((side, side))
+    for k in range(fine):
+        place = lambda k: (np.arange(side) + (k + 0.5) / fine - 0.5 - 0.5 * (side - 1)) / focal
+        dx, dy = np.meshgrid(place(k), place(k * 55 % fine))
+        u, v = dx, dy
+        for _ in range(6):
+            grown = 1 + k1 * (u * u + v * v)
+            u, v = dx / grown, dy / grown
+        far = at @ normal / (u * normal[0] + v * normal[1] + normal[2])
+        off = lambda along: far * (u * along[0] + v * along[1] + along[2]) - at @ along
+        x, y = (off(along) / pitch + 0.5 * (size - 1) for along, size in zip((a, b), n))
+        on = lambda far: (x >= -far) & (y >= -far) & (x < n[0] - 1 + far) & (y < n[1] - 1 + far)
+        if dots:
+            near = [np.clip(np.round(v), 0, size - 1) for v, size in zip((x, y), n)]
+            dark = np.hypot(x - near[0], y - near[1]) < 0.28
+        else:
+            dark = on(1) & ((np.floor(x) + np.floor(y)) % 2 == 0)
+        whole += np.where(on(2), np.where(dark, 40.0, 200.0), 90.0) / fine
+    for axis in (0, 1):
+        padded = np.pad(whole, [(1, 1) if k == axis else (0, 0) for k in (0, 1)], "edge")
+        whole = 0.5 * whole + 0.25 * (np.take(padded, range(side), axis) + np.take(padded, range(2, side + 2), axis))
+    return whole
 
 
 class Judge:
@@ -273,6 +306,39 @@ class Judge:
         self.row(f"calibrate, {draws} draws", [f"{held} held", f"z {rms(off):.2f}"])
         self.hold(held >= 0.883 * draws, f"calibrate: {held} of {draws} hold")
 
+    def target(self, draws=60, side=480, focal=1000.0, pitch=5.0, n=(9, 6)):
+        verdicts.SIDE, half = side, 0.5 * math.hypot(side, side)
+        k1, tilt = 3e-3 * (focal / half) ** 2, math.radians(3)
+        poses = [((0, 3, 7), (0, 0, 125)), ((24, 3, 10), (2, 1, 140)), ((-20, 12, -5), (-3, 0, 135)),
+                 ((4, 28, 3), (1, -2, 138)), ((2, -26, 8), (0, 2, 136))]
+        turn, fall = math.radians(7), -2 * math.tan(tilt / 2) / focal
+        right = {"k1": 3e-3, "tilt_x": fall * math.cos(turn), "tilt_y": fall * math.sin(turn),
+                 "size": 2 * 125 / (focal * (1 + math.cos(tilt)))}
+        for dots in (False, True):
+            drawn = [target_image(side, focal, k1, n, pitch, dots, *pose) for pose in poses]
+            for views in (1, 5):
+                name, z = f"{'dots' if dots else 'chessboard'}, {views} poses", []
+                for draw in range(draws):
+                    folder, random = self.folder / f"{name.replace(' ', '-').replace(',', '')}-{draw:02}", np.random.default_rng(draw)
+                    folder.mkdir()
+                    for k, image in enumerate(drawn[:views]):
+                        photograph(folder / f"{k}.pgm", image, 2.0, random, False)
+                    ran = self.call("calibrate", *sorted(folder.glob("*.pgm")), "--dots" if dots else "--chessboard", f"{n[0]}x{n[1]}",
+                                    "--pitch", pitch, "--output", folder / "out", "--quiet")
+                    if ran.returncode:
+                        self.hold(False, f"{name}, draw {draw}: {ran.stderr.strip()[-200:]}")
+                        continue
+                    found = tomllib.loads((folder / "out/camera.toml").read_text())["camera"]
+                    std = lambda key: math.sqrt(found["covariance"][at := found["covariance_of"].index(key)][at])
+                    scale = (half / found["focal_px"][0]) ** 2
+                    z.append((scale * found["distortion"][0] - right["k1"]) / (scale * std("k1")))
+                    z += [(found["tilt_per_px"][c] - right[key]) / std(key) for c, key in enumerate(("tilt_x", "tilt_y"))]
+                    z.append(math.log(found["pixel_size_mm"] / right["size"]) / found["pixel_size_relative_std"])
+                held = sum(abs(v) <= 1.96 for v in z)
+                self.row(name, [f"{held} held", f"of {len(z)}", f"z {rms(z):.2f}"])
+                self.hold(held >= 0.9 * len(z), f"{name}: {held} of {len(z)} hold")
+        verdicts.SIDE = SIDE
+
     def joint(self, seeds):
         verdicts.SIDE, rows = 720, 136
         verdicts.MIDDLE, verdicts.TEXTURES["spots"] = 360.0, (1.6, 1)
@@ -339,7 +405,7 @@ class Judge:
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--binary", type=pathlib.Path, default=ROOT / "target/release/quadrille")
-    parser.add_argument("--scenes", default="lens,rails,calibrate,joint")
+    parser.add_argument("--scenes", default="lens,rails,calibrate,target,joint")
     parser.add_argument("--draws", type=int, default=10)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--keep", type=pathlib.Path)
@@ -354,6 +420,8 @@ def main():
         judge.rails(asked.draws)
     if "calibrate" in asked.scenes:
         judge.calibrate()
+    if "target" in asked.scenes:
+        judge.target()
     if "joint" in asked.scenes:
         judge.joint(asked.seeds)
     print("\n".join(judge.failed) or "all limits hold")

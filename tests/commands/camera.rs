@@ -3,6 +3,7 @@
 
 #![cfg(feature = "cli")]
 
+use crate::common::board::{Board, Pinhole, Pose, Print, photographed};
 use crate::common::spots::Spots;
 use crate::program;
 use program::Desk;
@@ -80,6 +81,16 @@ fn a_camera_is_found_on_images_moved_by_hand_and_a_gauge_reads_the_truth_with_it
     // Without a camera it is off by the lens, by more than noise; with it by noise and what is known of the camera.
     assert!((before[0].unwrap() - 2000.0).abs() > 10.0 * before[1].unwrap(), "{before:?}");
     assert!((value - 2000.0).abs() < 3.0 * sigma.hypot(camera), "{after:?}");
+    // The same camera after the run: the store holds raw px.
+    desk.run(&format!("probe raw {GAUGE} --camera cal/camera.toml --output later")).fine();
+    let table = |folder: &str| {
+        let text = desk.read(&format!("{folder}/quantities/extensometers.csv"));
+        text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(table("later"), table("plane"));
+    desk.write("small.toml", "[camera]\nimage_size_px = [100, 100]\ndistortion = [0.001]");
+    desk.run(&format!("probe raw {GAUGE} --camera small.toml")).refused(&["100 x 100 px, these have 512 x 512 px"]);
+    desk.run(&format!("probe raw {GAUGE} --camera no.toml")).refused(&["no such camera file"]);
     // Columns in mm are those of the plane.
     let rows = desk.rows("plane/csv/000001.csv");
     let corner = rows.first().unwrap();
@@ -205,6 +216,77 @@ fn points_and_lengths_give_a_scale_and_a_file_of_opencv_is_a_camera() {
     // The run is told by its numbers, and repeats from them.
     desk.correlate("--case cv/run.toml --output again").fine();
     assert_eq!(desk.rows("again/csv/000001.csv"), desk.rows("cv/csv/000001.csv"));
+}
+
+/// A lens of 0.3 % at the corner of images of 640 x 480 px.
+const PINHOLE: Pinhole = Pinhole { size: [640, 480], focal: 1300.0, centre: [322.0, 237.5], k1: 0.0317 };
+const POSES: [Pose; 3] = [
+    Pose { degrees: [0.0, 3.0, 0.0], at: [0.3, -0.2, 125.0] },
+    Pose { degrees: [24.0, 3.0, 10.0], at: [2.0, 1.0, 140.0] },
+    Pose { degrees: [4.0, 28.0, 3.0], at: [1.0, -2.0, 138.0] },
+];
+
+#[test]
+fn a_target_gives_lens_focal_length_plane_and_scale() {
+    let desk = Desk::new();
+    let chessboard = Board { print: Print::Chessboard, n: [9, 6], pitch_mm: 5.0 };
+    let dots = Board { print: Print::Dots(1.4), ..chessboard };
+    let draw = |name: &str, board: &Board, pose: &Pose, seed: u64| {
+        desk.image(name, &photographed(&board.drawn(&PINHOLE, pose), PINHOLE.size, 2.0, seed));
+    };
+    for (k, pose) in POSES.iter().enumerate() {
+        draw(&format!("chess{k}.png"), &chessboard, pose, k as u64 + 1);
+    }
+    draw("dots.png", &dots, &POSES[0], 5);
+    let line = "calibrate chess0.png chess1.png chess2.png --chessboard 9x6 --pitch 5 --output chess";
+    let said = desk.run(line).printed();
+    let parts =
+        ["3 images of 9 x 6 corners", "focal length: 1", "k1: 0.", "tilt along x: -", "plane is that of the target"];
+    assert!(parts.iter().all(|part| said.contains(part)) && !said.contains("more than noise"), "{said}");
+    assert!(said.contains("scale: 1 px = 0.096"), "{said}");
+    assert!(desk.path("chess/figures/000003-ux.png").is_file());
+    let said = desk.run("calibrate dots.png --dots 9x6 --pitch 5 --output dots").printed();
+    assert!(said.contains("scale: 1 px = 0.096") && said.contains("if it did not lie on the specimen"), "{said}");
+    // Both see the plane of the first image alike: the middle of a diagonal, for one.
+    let number = |folder: &str, key: &str| -> f64 {
+        let text = desk.read(&format!("{folder}/camera.toml"));
+        let table: toml::Table = text.parse().unwrap();
+        table["camera"][key].as_float().unwrap()
+    };
+    let [a, b] = ["chess", "dots"].map(|folder| number(folder, "pixel_size_mm"));
+    let std = ["chess", "dots"].map(|folder| number(folder, "pixel_size_relative_std"));
+    assert!((a / b - 1.0).abs() < 4.0 * std[0].hypot(std[1]), "{a} {b} {std:?}");
+}
+
+#[test]
+fn a_target_that_tells_nothing_is_one_clear_line() {
+    let desk = Desk::new();
+    let chessboard = Board { print: Print::Chessboard, n: [9, 6], pitch_mm: 5.0 };
+    let draw = |name: &str, pose: &Pose, seed: u64| {
+        desk.image(name, &photographed(&chessboard.drawn(&PINHOLE, pose), PINHOLE.size, 2.0, seed));
+    };
+    let square = |k: f64| Pose { degrees: [0.0; 3], at: [k, 0.5 * k, 125.0] };
+    for k in 0..3u8 {
+        draw(&format!("square{k}.png"), &square(f64::from(k)), u64::from(k) + 1);
+    }
+    draw("turned.png", &Pose { degrees: [0.0, 38.0, 0.0], at: [0.0, 0.0, 150.0] }, 7);
+    desk.image("speckles.png", &Lens { k1: 0.0, tilt: 0.0 }.image([0.0; 2], 0.0, 1));
+    let refused = |line: &str, part: &str| desk.run(&format!("calibrate {line} --output out")).refused(&[part]);
+    let board = "--chessboard 9x6 --pitch 5";
+    refused(&format!("square0.png square1.png square2.png {board}"), "all poses are parallel");
+    refused(&format!("turned.png square0.png {board}"), "name the image first");
+    refused(&format!("square0.png speckles.png {board}"), "speckles.png: the image is 512 x 512 px");
+    refused(&format!("speckles.png {board}"), "speckles.png: ");
+    refused("square0.png --chessboard 10x6 --pitch 5", "9 x 6 inner corners are found, 10 x 6 are asked for");
+    refused("square0.png --chessboard 9x6", "--pitch MM is missing");
+    refused("square0.png --chessboard 9x6 --pitch 0", "--pitch is 0");
+    refused("square0.png --pitch 5", "give --chessboard or --dots");
+    refused("square0.png --chessboard 9 --pitch 5", "columns and rows such as 9x6");
+    refused("square0.png --chessboard 1x6 --pitch 5", "columns and rows from 3");
+    refused(&format!("square0.png {board} --length 0,0,1,1,1"), "holds its own lengths");
+    refused(&format!("square0.png {board} --reference square1.png"), "name it first");
+    refused(&format!("no.png {board}"), "no.png");
+    assert!(!desk.path("out/camera.toml").exists());
 }
 
 /// A specimen, stretched by `strain` along x, between two rails of which the left is stretched by `bent`; all seen

@@ -3,6 +3,7 @@
 #![allow(dead_code)] // each test program uses its own part
 
 pub mod blobs;
+pub mod board;
 pub mod data;
 pub mod dense;
 #[cfg(feature = "gpu")]

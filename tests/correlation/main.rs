@@ -36,6 +36,7 @@ mod strain_gauges;
 mod strain_window;
 mod stretch;
 mod synth;
+mod targets;
 mod uncertainty;
 mod which_reference;
 mod zones;

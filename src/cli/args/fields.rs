@@ -90,6 +90,9 @@ pub struct ProbeArgs {
     /// without any flag: the case of the run.
     #[arg(long, value_name = "FILE")]
     pub case: Option<PathBuf>,
+    /// Another camera than that of the run: camera.toml, or OpenCV's YAML or JSON. The pixel size that it states is used.
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
+    pub camera: Option<String>,
     /// A point, px: displacement and strain with their uncertainty. Repeat it for several.
     #[arg(long, value_name = "x,y", value_parser = numbers::<2>, allow_hyphen_values = true)]
     pub point: Vec<[f64; 2]>,

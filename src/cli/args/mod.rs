@@ -62,7 +62,7 @@ pub enum Command {
     Correlate(Box<CorrelateArgs>),
     /// Measure while the test runs: correlate images as a camera writes them into a folder.
     Watch(Box<WatchArgs>),
-    /// Find lens and tilt of the camera on images of the specimen moved by hand, or its scale from points and lengths.
+    /// Find lens, tilt and scale of the camera: on the specimen moved by hand, on a target, or by points and lengths.
     Calibrate(Box<CalibrateArgs>),
     /// Show how far a run is: frames done, failed and missing, its rate, and who works on it.
     Status(StatusArgs),

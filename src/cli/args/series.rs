@@ -2,7 +2,7 @@
 
 use super::fields::Target;
 use super::shared::Threads;
-use super::words::{sbatch_option, seconds, slurm_time, slurm_word};
+use super::words::{columns_by_rows, sbatch_option, seconds, slurm_time, slurm_word};
 use crate::cli::look::frames::Frames;
 use crate::io::case::flags::numbers;
 use crate::run::Request;
@@ -122,17 +122,21 @@ pub struct WatchArgs {
 #[command(
     mut_arg("deformed", |arg| {
         arg.value_name("IMAGES")
-            .help("Images of the specimen, moved in its plane by hand between them; the first is the reference. One alone for \
-                   marked points and lengths")
+            .help("Images of the specimen, moved in its plane by hand between them; the first is the reference. Or of a target; the \
+                   first shows it in the plane of the specimen. One alone for marked points and lengths")
     }),
     mut_arg("export", |arg| arg.hide_short_help(true)),
     mut_arg("file", |arg| arg.hide_short_help(true)),
+    mut_arg("cutoff_px", |arg| arg.hide_short_help(true)),
+    mut_arg("regularisation", |arg| arg.hide_short_help(true)),
     mut_arg("shard", |arg| arg.hide(true)),
     after_help = "Examples:\n  \
     The specimen at rest, moved across, moved along, by 5 to 10 % of the image:\n    \
     quadrille calibrate a.tif b.tif c.tif --output cal\n  \
     With its scale, by a ruler of 50 mm in the plane of the specimen:\n    \
     quadrille calibrate a.tif b.tif c.tif --length 210,400,1810,412,50 --output cal\n  \
+    A chessboard of 10 x 7 squares of 5 mm, lying on the specimen, then turned by hand in any way:\n    \
+    quadrille calibrate flat.tif turned-*.tif --chessboard 9x6 --pitch 5 --output cal\n  \
     Of one image, by points whose place is known:\n    \
     quadrille calibrate a.tif --point 100,90,0,0 --point 900,95,40,0 --point 890,700,40,30 --point 95,690,0,30 --output cal\n\n\
     DIR/camera.toml is for `--camera` of correlate, or `file` of `[camera]`.\n\n\
@@ -145,8 +149,17 @@ pub struct CalibrateArgs {
     /// A point whose place is known; four or more. Its px in the first image, and its mm along any axes of the plane.
     #[arg(long, value_name = "x,y,X,Y", value_parser = numbers::<4>, allow_hyphen_values = true)]
     pub point: Vec<[f64; 4]>,
+    /// The images show a chessboard; columns and rows of its inner corners. One more square than that each way.
+    #[arg(long, value_name = "NxM", value_parser = columns_by_rows, conflicts_with = "dots")]
+    pub chessboard: Option<[usize; 2]>,
+    /// The images show a square grid of round dots; their columns and rows.
+    #[arg(long, value_name = "NxM", value_parser = columns_by_rows)]
+    pub dots: Option<[usize; 2]>,
+    /// Distance of neighbouring points of the target, mm.
+    #[arg(long, value_name = "MM", allow_hyphen_values = true)]
+    pub pitch: Option<f64>,
     /// Standard uncertainty of what was marked, px.
-    #[arg(long, value_name = "PX", default_value = "0.5", allow_hyphen_values = true)]
+    #[arg(long, value_name = "PX", default_value = "0.5", allow_hyphen_values = true, hide_short_help = true)]
     pub mark_std: f64,
     #[command(flatten)]
     pub correlate: CorrelateArgs,

@@ -88,8 +88,16 @@ pub(super) fn two_zones(text: &str) -> Result<[String; 2], String> {
 }
 
 pub(super) fn size(text: &str) -> Result<[usize; 2], String> {
+    two_counts(text).ok_or_else(|| format!("'{text}' is not an image size such as 1024x768"))
+}
+
+/// Columns and rows of points.
+pub(super) fn columns_by_rows(text: &str) -> Result<[usize; 2], String> {
+    two_counts(text).ok_or_else(|| format!("'{text}' is not columns and rows such as 9x6"))
+}
+
+fn two_counts(text: &str) -> Option<[usize; 2]> {
     let parse = |v: &str| v.trim().parse::<usize>().ok().filter(|v| (1..=32_768).contains(v));
-    text.split_once(['x', 'X'])
-        .and_then(|(w, h)| Some([parse(w)?, parse(h)?]))
-        .ok_or_else(|| format!("'{text}' is not an image size such as 1024x768"))
+    let (a, b) = text.split_once(['x', 'X'])?;
+    Some([parse(a)?, parse(b)?])
 }

@@ -10,7 +10,7 @@ use crate::io::case::{
 use crate::io::store::Store;
 use crate::report::Plot;
 use crate::report::correlation::{along_load, turn_axes};
-use crate::run::look::quantities::{FOLDER, write_of_store};
+use crate::run::look::quantities::{FOLDER, seen_by, write_of_store};
 use crate::run::{Record, save_picture, strain_window};
 use std::path::Path;
 
@@ -19,6 +19,10 @@ const CURVES: &str = "curves";
 pub(crate) fn run(args: &ProbeArgs) -> Result<Outcome> {
     args.drawn.choose();
     let store = Store::open(&args.run)?;
+    let store = match &args.camera {
+        Some(file) => seen_by(store, file)?,
+        None => store,
+    };
     let asked = resolve_asked(args, &store)?;
     if asked.is_empty() && store.header().camera()?.shape().still.is_empty() {
         return Err(

@@ -1,7 +1,9 @@
-//! `quadrille calibrate`: the camera from images of the specimen that was moved, from points, from lengths.
+//! `quadrille calibrate`: the camera from images of the specimen that was moved, from a target, from points, from lengths.
 
 use super::correlate::{request, session, talk};
-use crate::camera::calibrate::{Calibration, Estimate, calibrate};
+use super::found::{draw_residual, said_of, said_of_tried};
+use super::target::{asked_target, of_target};
+use crate::camera::calibrate::{Calibration, calibrate};
 use crate::camera::marked::{MarkedLength, MarkedPoint, Scaled, camera_of_points, scale_of_lengths, unknown_plane};
 use crate::camera::{Camera, PARAMETERS};
 use crate::cli::args::CalibrateArgs;
@@ -13,15 +15,12 @@ use crate::io::case::{CaseCamera, CaseFile, read_case, write_camera};
 use crate::io::images::Accepted;
 use crate::io::series::Frame;
 use crate::io::store::{STORE, Store};
-use crate::report::{Backdrop, Figure, FigureOptions, draw_frame};
+use crate::report::Backdrop;
 use crate::run::{FIGURES, Plan, RunFolder, run_series};
 use crate::units::Px;
-use std::path::Path;
 
 /// What is written, to be named by `--camera`.
 const CAMERA: &str = "camera.toml";
-/// A camera is worth its name when it is known to a fraction of its value.
-const KNOWN: f64 = 3.0;
 
 pub(crate) fn run(args: &CalibrateArgs, paint: Paint) -> Result<Outcome> {
     let marks = !args.point.is_empty() || !args.length.is_empty();
@@ -32,11 +31,18 @@ pub(crate) fn run(args: &CalibrateArgs, paint: Paint) -> Result<Outcome> {
     if asked.camera.file.is_some() {
         return Err("--camera: the camera is what is to be found; leave it out".into());
     }
+    let target = asked_target(args)?;
+    let folder = RunFolder::writable(&args.correlate.output)?;
+    if let Some(target) = target {
+        let pool = args.correlate.threads.pool()?;
+        let (scaled, mut said) = pool.install(|| of_target(target, &asked, &case, &folder))?;
+        said.push(said_of_scale(Some(&scaled)));
+        return write(args, &folder, &scaled.camera, Some(&scaled), &said);
+    }
     let alone = match asked.images.deformed.as_deref() {
         Some([name]) if marks && asked.images.reference.is_none() => Some(name),
         _ => None,
     };
-    let folder = RunFolder::writable(&args.correlate.output)?;
     let (camera, mut said) = match alone {
         Some(name) => {
             let image = Frame::named(name, 0).read(Accepted::ANY)?.image;
@@ -59,13 +65,24 @@ pub(crate) fn run(args: &CalibrateArgs, paint: Paint) -> Result<Outcome> {
                     the specimen moved across and along, tell";
         said.push(what.to_owned());
     }
+    write(args, &folder, &camera, scaled.as_ref(), &said)
+}
+
+/// Writes the camera, and says what there is to say.
+fn write(
+    args: &CalibrateArgs,
+    folder: &RunFolder,
+    camera: &Camera,
+    scaled: Option<&Scaled>,
+    said: &[String],
+) -> Result<Outcome> {
     let section = CaseCamera {
-        pixel_size_mm: scaled.as_ref().map(|scaled| scaled.pixel_size_mm),
-        pixel_size_relative_std: scaled.as_ref().map(|scaled| scaled.relative_std),
-        ..CaseCamera::of(&camera)
+        pixel_size_mm: scaled.map(|scaled| scaled.pixel_size_mm),
+        pixel_size_relative_std: scaled.map(|scaled| scaled.relative_std),
+        ..CaseCamera::of(camera)
     };
     let head = format!("Camera found by quadrille {}", env!("CARGO_PKG_VERSION"));
-    let comments: Vec<String> = std::iter::once(&head).chain(&said).cloned().collect();
+    let comments: Vec<String> = std::iter::once(&head).chain(said).cloned().collect();
     folder.write(CAMERA, |out| std::io::Write::write_all(out, write_camera(&section, &comments).as_bytes()))?;
     said.iter().for_each(|line| println!("{}", wrapped(line, 2)));
     if !args.correlate.quiet {
@@ -91,31 +108,10 @@ fn of_series(folder: &RunFolder) -> Result<Calibration> {
         Err(_) => Backdrop::blank(header.image_size_px[0], header.image_size_px[1], 1),
     };
     for ((number, field), left) in fields.iter().zip(&found.residual) {
-        draw_residual(&folder.path().join(FIGURES), *number, field, left, &backdrop)?;
+        let note = format!("image {number}: measured less what camera and rigid motion say");
+        draw_residual(&folder.path().join(FIGURES), *number, field, left, &backdrop, note)?;
     }
     Ok(found)
-}
-
-/// Draws what the camera leaves of a field: structure in it is a lens that these coefficients do not describe, or a
-/// specimen that did not move rigidly.
-fn draw_residual(
-    folder: &Path,
-    number: usize,
-    field: &Measurement<Px>,
-    left: &[Option<[f64; 2]>],
-    backdrop: &Backdrop,
-) -> Result<()> {
-    let residual = Measurement {
-        displacement: left.iter().map(|left| left.unwrap_or_default()).collect(),
-        measured: left.iter().map(Option::is_some).collect(),
-        model_error: None,
-        points: None,
-        ..field.clone()
-    };
-    let notes = vec![format!("image {number}: measured less what camera and rigid motion say")];
-    let options = FigureOptions { figures: vec![Figure::Ux, Figure::Uy], notes, ..FigureOptions::default() };
-    draw_frame(folder, number, &residual, backdrop, None, &options)?;
-    Ok(())
 }
 
 /// The scale, where something was marked.
@@ -138,7 +134,7 @@ fn said_of_scale(scaled: Option<&Scaled>) -> String {
     match scaled {
         None => "scale: a length is missing; give --length x0,y0,x1,y1,MM, or pixel_size_mm".to_owned(),
         Some(Scaled { pixel_size_mm, relative_std, left_px, .. }) => format!(
-            "scale: 1 px = {pixel_size_mm:.6} mm, known to {:.2} %; marks are left {left_px:.2} px off (root mean square)",
+            "scale: 1 px = {pixel_size_mm:.6} mm, known to {:.3} %; marks are left {left_px:.2} px off (root mean square)",
             100.0 * relative_std
         ),
     }
@@ -165,13 +161,7 @@ fn verdict(found: &Calibration) -> Vec<String> {
     said.extend(of("k1").map(|k1| said_of("k1", k1, percent, "% at the corner")));
     said.extend(of("tilt_x").map(|tilt| said_of("tilt along x", tilt, 100.0 * width, "% of scale across the image")));
     said.extend(of("tilt_y").map(|tilt| said_of("tilt along y", tilt, 100.0 * height, "% of scale across the image")));
-    for tried in &found.tried {
-        let is_in = if tried.evidence > 0.0 { "taken in" } else { "left at zero" };
-        said.push(format!(
-            "{}: {is_in}, by evidence ({:+.0}, Bayesian information criterion)",
-            tried.names, tried.evidence
-        ));
-    }
+    said.extend(found.tried.iter().map(said_of_tried));
     // Shifts along one line leave what is across it to the second order of the field.
     let across = shifts.clone().flat_map(|a| shifts.clone().map(move |b| (a[0] * b[1] - a[1] * b[0]).abs()));
     if across.fold(0.0, f64::max) < 0.1 * largest * largest {
@@ -190,15 +180,4 @@ fn verdict(found: &Calibration) -> Vec<String> {
         );
     }
     said
-}
-
-fn said_of(name: &str, estimate: &Estimate, scale: f64, unit: &str) -> String {
-    let (value, std) = (scale * estimate.value, scale * estimate.std);
-    match estimate {
-        Estimate { is_determined: false, .. } => format!("{name}: not determined by these images (+- {std:.2} {unit})"),
-        _ if value.abs() > KNOWN * std => {
-            format!("{name}: {value:.4} +- {std:.4} {unit}, known to {:.0} %", 100.0 * std / value.abs())
-        }
-        _ => format!("{name}: zero within {value:.4} +- {std:.4} {unit}"),
-    }
 }

@@ -5,11 +5,12 @@ use crate::field::{
     CrackLine, Elasticity, Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment,
     Status, StrainDefinition, StrainWindow,
 };
-use crate::io::case::CaseQuantities;
+use crate::io::case::{CaseCamera, CaseQuantities, parse_case};
 use crate::io::load::{LoadTable, read_as_asked};
 use crate::io::quantities::{QUANTITY_TABLES, QuantityPlane, QuantitySummary, QuantityTables};
-use crate::io::store::Store;
+use crate::io::store::{STORE, Store};
 use crate::run::folder::record::Record;
+use crate::run::plan::wanted::wanted_camera;
 use crate::run::words::{Result, RunError};
 use crate::units::{PixelSize, Px};
 use std::collections::BTreeSet;
@@ -18,6 +19,14 @@ use std::io::BufWriter;
 use std::path::Path;
 
 pub(crate) const FOLDER: &str = "quantities";
+
+/// A store as the camera of a file sees it; of the camera of the run what is no number of it stays.
+pub(crate) fn seen_by(store: Store, file: &str) -> Result<Store> {
+    let case = parse_case(&store.header().case, Path::new(STORE))?;
+    let asked = CaseCamera { file: Some(file.to_owned()), ..CaseCamera::default() };
+    let camera = wanted_camera(&asked, &case)?.unwrap_or_default();
+    Ok(store.seen_by(&camera)?)
+}
 
 /// What is asked for, on a mesh, in the plane that the camera sees: places are named in px of the image.
 /// Errors: numbers that mean nothing, names that come twice, zones that are not there or do not face each other, an

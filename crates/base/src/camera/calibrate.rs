@@ -30,13 +30,13 @@ const NEARER: f64 = 2e-3;
 
 /// Standard deviation of each parameter before anything is seen, for lengths in half diagonals: wide, so that data that
 /// say nothing leave a parameter uncertain, not wrong.
-const PRIOR: [f64; PARAMETERS.len()] = [0.05, 0.05, 0.01, 0.01, 0.05, 0.03, 0.03, 0.1, 0.1, 2e-3, 2e-3];
+pub(super) const PRIOR: [f64; PARAMETERS.len()] = [0.05, 0.05, 0.01, 0.01, 0.05, 0.03, 0.03, 0.1, 0.1, 2e-3, 2e-3];
 /// A parameter is not determined where the data leave more than this of what was known before.
-const UNDETERMINED: f64 = 0.5;
+pub(super) const UNDETERMINED: f64 = 0.5;
 /// Parameters that are always unknown: k1, centre, tilt, stretch and shear.
 const ALWAYS: [usize; 7] = [0, 5, 6, 7, 8, 9, 10];
 /// Groups that are taken in where the data speak for them, in this order.
-const GROUPS: [(&str, &[usize]); 3] = [("k2", &[1]), ("p1, p2", &[2, 3]), ("k3", &[4])];
+pub(super) const GROUPS: [(&str, &[usize]); 3] = [("k2", &[1]), ("p1, p2", &[2, 3]), ("k3", &[4])];
 
 /// How an image moved against the reference.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -184,7 +184,7 @@ pub fn camera_of_points(camera: &Camera, points: &[MarkedPoint], std_px: f64) ->
 }
 
 /// Whether points span the plane.
-fn is_spread(points: &[Point]) -> bool {
+pub(super) fn is_spread(points: &[Point]) -> bool {
     let n = points.len() as f64;
     let mean = [0, 1].map(|c| points.iter().map(|p| p[c]).sum::<f64>() / n);
     let moment = |i: usize, j: usize| points.iter().map(|p| (p[i] - mean[i]) * (p[j] - mean[j])).sum::<f64>();

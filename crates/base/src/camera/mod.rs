@@ -10,8 +10,10 @@ mod even_noise;
 mod field;
 pub mod marked;
 mod model;
+mod pose;
 mod shape;
 mod still;
+pub mod target;
 mod term;
 
 pub use field::Rectifier;

@@ -205,18 +205,11 @@ impl Camera {
         Seen { centre, d, w, q, n: [q[0] / f[0], q[1] / f[1]], slope }
     }
 
-    /// Brown's distortion of normalised coordinates.
-    fn distorted(&self, [x, y]: Point) -> Point {
-        let [k1, k2, p1, p2, k3, ..] = self.shape.theta;
-        let r2 = x * x + y * y;
-        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-        [
-            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-        ]
+    fn distorted(&self, n: Point) -> Point {
+        brown(&self.shape.theta, n)
     }
 
-    /// Its derivative.
+    /// The derivative of the distortion.
     fn distortion_slope(&self, [x, y]: Point) -> Square {
         let [k1, k2, p1, p2, k3, ..] = self.shape.theta;
         let r2 = x * x + y * y;
@@ -272,6 +265,14 @@ impl Camera {
         }
         None
     }
+}
+
+/// Brown's distortion of normalised coordinates, by the first five of the parameters.
+pub(super) fn brown(theta: &[f64], [x, y]: Point) -> Point {
+    let &[k1, k2, p1, p2, k3, ..] = theta else { return [x, y] };
+    let r2 = x * x + y * y;
+    let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+    [x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y]
 }
 
 /// A point of the plane on its way to the image.

@@ -10,6 +10,7 @@ mod gauge;
 mod noise;
 mod region;
 mod spline;
+pub mod target;
 mod texture;
 mod theory;
 mod trials;

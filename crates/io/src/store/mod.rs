@@ -92,6 +92,21 @@ impl StoreHeader {
         case.get("camera").and_then(|section| section.clone().try_into().ok())
     }
 
+    /// Puts another camera in the place of that of the case, and the size of a pixel that it states.
+    fn see_by(&mut self, camera: &CaseCamera) -> Result<(), CaseCameraError> {
+        let key = |key, what: String| CaseCameraError::Key { key, what };
+        camera.camera(self.image_size_px)?;
+        if let Some(mm) = camera.pixel_size_mm {
+            let size = PixelSize::new(mm).ok_or_else(|| key("pixel_size_mm", format!("{mm} is not above zero")))?;
+            self.pixel_size = Some(size);
+        }
+        let mut case: toml::Table = self.case.parse().unwrap_or_default();
+        let section = toml::Value::try_from(camera).map_err(|error| key("file", error.to_string()))?;
+        case.insert("camera".to_owned(), section);
+        self.case = case.to_string();
+        Ok(())
+    }
+
     /// The program that measured the fields, where they were imported.
     pub fn imported_from(&self) -> Option<&str> {
         self.device.strip_prefix(IMPORTED_FROM)

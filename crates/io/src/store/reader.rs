@@ -8,6 +8,7 @@ use super::layout::{
 };
 use super::{STORE, StoreError, StoreHeader};
 use crate::arrays::{Number, Values};
+use crate::case::{CaseCamera, CaseCameraError};
 use crate::field::{
     ElementMark, Measurement, ModelError, PointField, Status, StrainField, TensorStrain, WindowStrains,
 };
@@ -71,6 +72,16 @@ impl Store {
     /// The folder of the store.
     pub fn path(&self) -> &Path {
         self.folder.path()
+    }
+
+    /// The same fields, which are in raw px, as another camera sees their plane; also in its size of a pixel, where it
+    /// states one.
+    ///
+    /// # Errors
+    /// A camera of other images, or numbers that are none.
+    pub fn seen_by(mut self, camera: &CaseCamera) -> Result<Self, CaseCameraError> {
+        self.header.see_by(camera)?;
+        Ok(self)
     }
 
     /// What holds for all frames.
