@@ -522,6 +522,18 @@ fn frames_whose_files_say_that_they_were_taken_at_another_time_are_named() {
     fs::remove_file(desk.path("s/t_4.tif")).unwrap();
     desk.run(&format!("{line} --overwrite")).fine();
     assert_eq!(desk.remarks("run", Code::TimesOutOfOrder), []);
+    // A camera of the same day, and of a month before.
+    desk.run("calibrate s/t_0.tif --length 10,10,60,10,5 --output cal").fine();
+    let camera = desk.read("cal/camera.toml");
+    assert!(camera.contains("taken = \"2024-05-01T10:11:00\""), "{camera}");
+    let others = |camera: &str| {
+        desk.write("camera.toml", camera);
+        desk.run(&format!("{line} --camera camera.toml --overwrite")).fine();
+        desk.remarks("run", Code::CameraOtherDay)
+    };
+    assert_eq!(others(&camera), []);
+    let before = others(&camera.replace("2024-05-01", "2024-04-01"));
+    assert!(before.len() == 1 && before[0].text.contains("30 days after"), "{before:?}");
 }
 
 #[test]

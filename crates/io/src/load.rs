@@ -11,6 +11,7 @@ mod times;
 mod units;
 
 pub use asked::read_as_asked;
+pub use clock::clock_time;
 pub use error::LoadError;
 pub use times::{FrameTimes, parse_frame_times};
 pub(crate) use units::unit_of;

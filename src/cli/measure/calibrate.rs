@@ -13,11 +13,12 @@ use crate::cli::{Outcome, Result, plural};
 use crate::field::{Measurement, Status};
 use crate::io::case::{CaseCamera, CaseFile, read_case, write_camera};
 use crate::io::images::Accepted;
-use crate::io::series::Frame;
+use crate::io::series::{Frame, expand_series};
 use crate::io::store::{STORE, Store};
 use crate::report::Backdrop;
 use crate::run::{FIGURES, Plan, RunFolder, run_series};
 use crate::units::Px;
+use std::path::Path;
 
 /// What is written, to be named by `--camera`.
 const CAMERA: &str = "camera.toml";
@@ -77,6 +78,7 @@ fn write(
     said: &[String],
 ) -> Result<Outcome> {
     let section = CaseCamera {
+        taken: taken(args),
         pixel_size_mm: scaled.map(|scaled| scaled.pixel_size_mm),
         pixel_size_relative_std: scaled.map(|scaled| scaled.relative_std),
         ..CaseCamera::of(camera)
@@ -89,6 +91,14 @@ fn write(
         eprintln!("camera in {}", folder.path().join(CAMERA).display());
     }
     Ok(Outcome::Fine)
+}
+
+/// When the first image was taken, where its file says so.
+fn taken(args: &CalibrateArgs) -> Option<String> {
+    let images = request(&args.correlate).images;
+    let patterns = images.reference.or(images.deformed)?;
+    let first = expand_series(&patterns, Path::new("")).ok()?.into_iter().next()?;
+    Frame::file(first, 0).read(Accepted::ANY).ok()?.taken
 }
 
 /// The camera that the fields of a run show; what they leave is drawn.

@@ -9,6 +9,7 @@ use crate::field::Status;
 use crate::imaging::{GreyDepth, Image, Levels, OddLevels, Saturation};
 use crate::io::case::{CaseCamera, CaseZone};
 use crate::io::images::Foreign;
+use crate::io::load::clock_time;
 use crate::io::series::{NameOrder, TwoCameras, natural_order};
 use crate::io::text::shell_word;
 use crate::mechanics::PathEnd;
@@ -57,6 +58,23 @@ pub(crate) fn of_lens(
     );
     let remark = Remark::new(Code::LensUnknown, About::Run, text).with("displacement_px", displacement);
     (displacement > sigma).then(|| remark.with("strain", strain))
+}
+
+/// Images that were taken on another day than those of the calibration.
+pub(crate) fn of_other_day(camera_of_case: Option<&CaseCamera>, frames: &[FrameSummary]) -> Option<Remark> {
+    /// Seconds.
+    const DAY: f64 = 86400.0;
+    let calibrated = camera_of_case?.taken.as_deref()?;
+    let taken = frames.iter().find_map(|frame| frame.taken.as_deref())?;
+    let days = (clock_time(taken)? - clock_time(calibrated)?) / DAY;
+    let text = format!(
+        "the images were taken {} days {} those of the calibration ({calibrated}): calibrate again if lens, focus or distance \
+         may have changed",
+        days.abs().round(),
+        if days > 0.0 { "after" } else { "before" }
+    );
+    let remark = Remark::new(Code::CameraOtherDay, About::Run, text);
+    (days.abs() > 1.0).then(|| remark.with("days", days))
 }
 
 const FILES_NAMED: usize = 5;

@@ -83,6 +83,10 @@ codes! {
             "The camera is not stated, and a usual lens would be seen in this series."
             "A specimen that only moves seems to strain where the lens distorts. The text says what 0.1 % at the corner adds."
             "`quadrille calibrate` finds lens and tilt. `[camera] exact = true` says that there is none.";
+        CameraOtherDay "camera-other-day" Note
+            "The images were taken on another day than those of the calibration."
+            "The times in the files of both say so. A lens that was touched since then is another one."
+            "Calibrate again if lens, focus, aperture or distance may have changed.";
         DistanceChanged "distance-changed" Note
             "The distance from the camera to the specimen changed."
             "The zones of `[camera] still` are seen larger or smaller, by more than noise. It is taken off."

@@ -77,6 +77,10 @@ pub struct CaseCamera {
     #[schemars(extend("default" = 1e-4, "x-implied" = true))]
     #[cfg_attr(feature = "cli", arg(skip))]
     pub distance_std: Option<f64>,
+    /// When the images of the calibration were taken, as their files say: `2024-05-01T10:11:12`. A run says where its own
+    /// are of another day.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub taken: Option<String>,
     /// Whether the lens is telecentric: the scale does not change with the distance, and there is no perspective.
     #[schemars(extend("default" = false, "x-implied" = true))]
     #[cfg_attr(feature = "cli", arg(skip))]

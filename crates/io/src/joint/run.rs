@@ -67,7 +67,11 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
                 }
                 for (k, CameraTerm { name, change, .. }) in rectifier.terms(&field).into_iter().enumerate() {
                     if k == camera.len() {
-                        camera.push(RunCamera { name: name.to_owned(), is_stated: is_stated(name), instants: Vec::new() });
+                        camera.push(RunCamera {
+                            name: name.to_owned(),
+                            is_stated: is_stated(name),
+                            instants: Vec::new(),
+                        });
                     }
                     let in_mm = |u: [f64; 2]| scale.to_mm(Vector::new(u)).components();
                     if let Some(of) = camera.get_mut(k) {

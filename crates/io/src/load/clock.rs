@@ -5,7 +5,7 @@ pub(super) const DAY: f64 = 86400.0;
 
 /// Seconds of a clock time, `10:31:05.20`, behind a day (`2024-05-07 10:31:05`, `07.05.2024`, T) since 1970. It may end
 /// in AM or PM, and in Z or the distance to it (`+02:00`), which is taken off.
-pub(super) fn clock_time(cell: &str) -> Option<f64> {
+pub fn clock_time(cell: &str) -> Option<f64> {
     let (day, clock) = match days_of(cell) {
         Some((day, clock)) => (day, clock),
         None => (0.0, cell.trim()),
