@@ -92,7 +92,7 @@ echo "== documentation and types"
 (cd "$out" && "$python" -W ignore - <<'PY'
 import doctest, importlib, sys
 failed = tried = 0
-for name in ["", "._correlator", "._field", "._images", "._progress", "._runs"]:
+for name in ["", "._camera", "._correlator", "._field", "._images", "._progress", "._runs"]:
     result = doctest.testmod(importlib.import_module("quadrille" + name))
     failed, tried = failed + result.failed, tried + result.attempted
 print(f"{tried} examples")

@@ -14,6 +14,7 @@ Whole runs into a folder, to the same bits as the program ``quadrille``: :func:`
 :func:`tournament`. On images alone: :func:`metrology`. Every error is a :class:`QuadrilleError`.
 """
 
+from ._camera import Camera
 from ._correlator import Correlator, Tracker
 from ._errors import (
     CaseError,
@@ -36,6 +37,7 @@ from ._runs import Event, Result, devices, identify, metrology, open_store, run,
 
 __all__ = [
     "MARKS",
+    "Camera",
     "CaseError",
     "Correlator",
     "DeviceError",

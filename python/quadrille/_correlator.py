@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import warnings
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -17,19 +18,20 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from ._camera import Camera
     from ._images import Image
 
     Zone: TypeAlias = Sequence[float] | Sequence[Sequence[float]] | Mapping[str, Any]
 
 
-def _plain(value: Any, where: str) -> Any:
+def plain_value(value: Any, where: str) -> Any:
     """``value`` without arrays, tuples and None, as a case file may hold it."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item, f"{where}.{key}") for key, item in value.items() if item is not None}
+        return {str(key): plain_value(item, f"{where}.{key}") for key, item in value.items() if item is not None}
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, (list, tuple)):
-        return [_plain(item, where) for item in value]
+        return [plain_value(item, where) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         raise OptionError(f"{where} is {value}; give a finite number")
     if hasattr(value, "__fspath__"):
@@ -43,7 +45,7 @@ def zone_list(zones: Any) -> list[dict[str, Any]]:
     """Zones as a case file has them: of one or several rectangles, polygons, mappings."""
     if zones is None:
         return []
-    plain = _plain(zones, "zones")
+    plain = plain_value(zones, "zones")
     if isinstance(plain, dict):
         return [plain]
     if not isinstance(plain, list) or not plain:
@@ -59,14 +61,14 @@ def case_text(
     options: Mapping[str, Any], zones: Any = None, cracks: Any = None, case: Mapping[str, Any] | None = None
 ) -> str:
     """The sections of a case file, as JSON: those of ``case`` with the options and zones over them."""
-    sections = _plain(case or {}, "case")
-    correlation = {**sections.get("correlation", {}), **_plain(options, "options")}
+    sections = plain_value(case or {}, "case")
+    correlation = {**sections.get("correlation", {}), **plain_value(options, "options")}
     if correlation:
         sections["correlation"] = correlation
     if zones is not None:
         sections["zone"] = zone_list(zones)
     if cracks is not None:
-        plain = _plain(cracks, "cracks")
+        plain = plain_value(cracks, "cracks")
         sections["crack"] = [{"path": crack} if isinstance(crack, list) else crack for crack in plain]
     return json.dumps(sections)
 
@@ -93,6 +95,7 @@ class Correlator:
         device: str = "auto",
         isa: str | None = None,
         threads: int | None = None,
+        camera: Camera | str | os.PathLike[str] | None = None,
         **options: Any,
     ) -> None:
         """Prepares ``reference``.
@@ -106,12 +109,15 @@ class Correlator:
         device: auto, cpu, gpu, or a part of the name of one.
         isa: instruction path of the CPU (avx512, avx2, baseline, scalar).
         threads: number of own threads; without it all correlators share one thread per core. Results do not depend on it.
+        camera: how it sees the plane of the specimen, of which strains then are: a :class:`Camera`, or the name of its file. Places and
+            displacements stay those of the image; :meth:`Camera.displacement_mm` maps them.
         options: the keys of ``[correlation]`` in a case file: element_size_px=16, interpolation="cubic", brightness="auto",
             start="previous", noise, regularisation, cutoff_px, strain="green-lagrange", strain_window, drop_textureless, ...
 
         Raises ImageError, OptionError, ZoneError, TextureError, DeviceError.
         """
-        text = case_text(options, zones, cracks)
+        section = None if camera is None else {"file": os.fspath(camera)} if isinstance(camera, (str, os.PathLike)) else camera.keys
+        text = case_text(options, zones, cracks, {"camera": section})
         self._engine = _quadrille.Correlator(reference, text, mask, device, isa, threads)
         for remark in self.remarks:
             if remark["code"] == "zones-found" or remark["severity"] == "warning":

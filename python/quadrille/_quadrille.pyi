@@ -10,6 +10,7 @@ _Watcher = Callable[[dict[str, Any]], object] | None
 
 __all__ = [
     "VERSION",
+    "Camera",
     "Correlator",
     "Tracker",
     "command",
@@ -24,6 +25,17 @@ __all__ = [
 ]
 
 VERSION: str
+
+@final
+class Camera:
+    def __new__(cls, json: str, image_size_px: tuple[int, int] | None = None) -> Camera: ...
+    @staticmethod
+    def read(path: _Path, image_size_px: tuple[int, int] | None = None) -> Camera: ...
+    def text(self, /) -> str: ...
+    def keys(self, /) -> dict[str, Any]: ...
+    def to_mm(self, /, px: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def to_px(self, /, mm: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def terms_mm(self, /, px: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
 @final
 class Correlator:

@@ -4,6 +4,7 @@
 //! Nothing is computed while the interpreter is locked, and nothing here prints: what a run has to say goes to
 //! `on_event`.
 
+mod camera;
 mod correlator;
 mod errors;
 mod field;
@@ -16,6 +17,8 @@ mod watched;
 /// What `import quadrille._quadrille` brings.
 #[pyo3::pymodule]
 mod _quadrille {
+    #[pymodule_export]
+    use super::camera::Camera;
     #[pymodule_export]
     use super::correlator::{Correlator, Tracker};
     #[pymodule_export]

@@ -13,6 +13,9 @@ const LONGEST: f64 = 3.0;
 /// Share of a row at the border above which it belongs to the grid.
 const ROW_SHARE: f64 = 0.5;
 
+/// Share of the places of a grid that must be taken.
+const FILLED: f64 = 0.7;
+
 /// Points with the numbers of their columns and rows, from zero.
 #[derive(Debug, Clone)]
 pub(super) struct Found {
@@ -33,6 +36,11 @@ impl Found {
     /// Whether it has so many columns and rows, or rows and columns.
     pub fn has_size(&self, [columns, rows]: [usize; 2]) -> bool {
         self.size == [columns, rows] || self.size == [rows, columns]
+    }
+
+    /// Whether most of its places are taken: among points anywhere neighbours are found as well, but no rows.
+    pub fn is_filled(&self) -> bool {
+        self.points.len() as f64 > FILLED * (self.size[0] * self.size[1]) as f64
     }
 
     pub fn is_whole(&self, wanted: [usize; 2]) -> bool {

@@ -178,7 +178,7 @@ fn find_target(name: &str, image: &Image, target: Target) -> Result<SeenTarget, 
             let missing = (wanted[0] * wanted[1]).saturating_sub(found.n_points()).max(1);
             TargetError::Hidden { name, pattern, missing, wanted }
         }
-        Some(found) if found.n_points() >= FEWEST * FEWEST => {
+        Some(found) if found.is_filled() && found.n_points() >= FEWEST * FEWEST => {
             // Which of both are the columns is not seen.
             let mut size = found.size();
             size.sort_unstable_by(|a, b| if wanted[0] < wanted[1] { a.cmp(b) } else { b.cmp(a) });
