@@ -99,8 +99,8 @@ class Camera:
         self, px: ArrayLike, displacement_px: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The displacement in the plane, (..., 2), mm, y up, of what moved by ``displacement_px`` from ``px`` in the image, as
-        :attr:`Field.positions` and :attr:`Field.displacement` are; and its standard uncertainty by what is unknown of the camera.
-        Noise, :attr:`Field.sigma`, comes to it in squares."""
+        :attr:`Field.positions` and :attr:`Field.displacement` are; and its standard uncertainty by what is unknown of the
+        camera and of its distance. Noise, :attr:`Field.sigma`, comes to it in squares."""
         import numpy as np
 
         start, shape = _points(px, "px")
@@ -110,7 +110,8 @@ class Camera:
         end = start + moved
         terms = self._engine.terms_mm(end) - self._engine.terms_mm(start)
         displacement = self._engine.to_mm(end) - self._engine.to_mm(start)
-        return displacement.reshape(shape), np.sqrt((terms**2).sum(axis=0)).reshape(shape)
+        variance = (terms**2).sum(axis=0) + self._engine.distance_mm(end) ** 2
+        return displacement.reshape(shape), np.sqrt(variance).reshape(shape)
 
     def __repr__(self) -> str:
         keys = self.keys

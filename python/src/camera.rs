@@ -101,6 +101,19 @@ impl Camera {
         table(py, rows(&mm)?.into_iter().map(place).collect())
     }
 
+    /// By how much places seen at these raw px move in mm with one standard uncertainty of the distance to the specimen.
+    fn distance_mm<'py>(&self, py: Python<'py>, px: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyAny>> {
+        let (size, shape) = (self.size()?, self.camera.shape());
+        let moved = |at: [f64; 2]| match self.camera.plane(at) {
+            Some([x, y]) => {
+                let by = [x - shape.theta[5], y - shape.theta[6]].map(|v| shape.distance_std * v);
+                size.to_mm(Vector::<Px>::new(by)).components()
+            }
+            None => [f64::NAN; 2],
+        };
+        table(py, rows(&px)?.into_iter().map(moved).collect())
+    }
+
     /// By how much places in mm change with one standard uncertainty of each of some independent causes: one for each
     /// parameter that its covariance names, and the size of a pixel.
     fn terms_mm<'py>(&self, py: Python<'py>, px: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray3<f64>>> {

@@ -320,14 +320,14 @@ fn a_body_that_leaves_a_black_ground_is_no_torn_image_and_a_stated_noise_is_name
     assert!(ran.code == Some(2) && ran.stderr.contains("the noise is stated as 60.00 grey levels"), "{ran}");
 }
 
-/// Position, displacement and mark of every measured node of a frame.
-fn nodes(desk: &Desk, number: usize) -> Vec<([f64; 2], [f64; 2], String)> {
+/// Position, displacement, its standard uncertainty and mark of every measured node of a frame.
+fn nodes(desk: &Desk, number: usize) -> Vec<([f64; 2], [f64; 2], [f64; 2], String)> {
     let text = desk.read(&format!("out/csv/{number:06}.csv"));
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
     let rows = reader.deserialize::<HashMap<String, String>>().map(|row| {
         let row = row.unwrap();
         let pair = |names: [&str; 2]| names.map(|name| row[name].parse().unwrap());
-        (pair(["x_px", "y_px"]), pair(["ux_px", "uy_px"]), row["mark"].clone())
+        (pair(["x_px", "y_px"]), pair(["ux_px", "uy_px"]), pair(["sigma_ux_px", "sigma_uy_px"]), row["mark"].clone())
     });
     rows.collect()
 }
@@ -336,14 +336,16 @@ fn nodes(desk: &Desk, number: usize) -> Vec<([f64; 2], [f64; 2], String)> {
 fn the_bar_of_a_microscope_below_the_picture_is_left_out_and_the_specimen_is_right() {
     let desk = Desk::new();
     let spots = Spots::new(8, SIDE, SPOT_PX);
+    // Half an element may lie on the bar; what lies on its text stays still, and is marked.
     const BAR: f64 = 272.0;
+    const TEXT: f64 = 294.0;
     for (k, u) in [[0.0, 0.0], [1.3, -0.6], [12.4, 3.1]].into_iter().enumerate() {
         let image = photographed(SIDE, 3.0, 1 + k as u64, |y| {
             // Text, a clock that goes on, and a line for the scale.
-            let is_text = (284.0..296.0).contains(&y[1]) && (y[0] as usize / 6) % 2 == 0 && y[0] < 160.0;
+            let is_text = (TEXT..306.0).contains(&y[1]) && (y[0] as usize / 6) % 2 == 0 && y[0] < 160.0;
             let is_clock =
-                (284.0..296.0).contains(&y[1]) && (180.0 + 9.0 * k as f64..200.0 + 9.0 * k as f64).contains(&y[0]);
-            let is_line = (304.0..308.0).contains(&y[1]) && (200.0..300.0).contains(&y[0]);
+                (TEXT..306.0).contains(&y[1]) && (180.0 + 9.0 * k as f64..200.0 + 9.0 * k as f64).contains(&y[0]);
+            let is_line = (310.0..314.0).contains(&y[1]) && (200.0..300.0).contains(&y[0]);
             match y[1] < BAR {
                 true => spots.grey([y[0] - u[0], y[1] - u[1]]),
                 false if is_text || is_clock || is_line => 250.0,
@@ -354,11 +356,13 @@ fn the_bar_of_a_microscope_below_the_picture_is_left_out_and_the_specimen_is_rig
     }
     desk.correlate("--output out sem_0.png sem_1.png sem_2.png").fine();
     for (number, u) in [(1, [1.3, -0.6]), (2, [12.4, 3.1])] {
-        let nodes = nodes(&desk, number);
-        let errors: Vec<[f64; 2]> = nodes.iter().map(|(_, found, _)| [found[0] - u[0], found[1] - u[1]]).collect();
-        assert!(nodes.len() > 100 && nodes.iter().all(|(at, ..)| at[1] < BAR), "frame {number}: {}", nodes.len());
-        // As the case of the issue; nodes have a standard uncertainty of 0.02 px.
-        assert!(rms(&errors) < 0.05, "frame {number}: {}", rms(&errors));
+        let mut nodes = nodes(&desk, number);
+        nodes.retain(|(.., mark)| mark == "none");
+        let z = nodes.iter().map(|(_, found, sigma, _)| [0, 1].map(|c| (found[c] - u[c]) / sigma[c]));
+        let z = rms(&z.collect::<Vec<_>>()) / 2f64.sqrt();
+        assert!(nodes.len() > 100 && nodes.iter().all(|(at, ..)| at[1] < TEXT), "frame {number}: {}", nodes.len());
+        // 300 nodes: a twentieth by chance.
+        assert!(z < 1.2, "frame {number}: {z} standard uncertainties");
     }
 }
 
@@ -366,7 +370,8 @@ fn the_bar_of_a_microscope_below_the_picture_is_left_out_and_the_specimen_is_rig
 fn a_disc_that_turns_before_a_still_plate_gives_no_unmarked_node_that_is_wrong() {
     let desk = Desk::new();
     let (disc, plate) = (Spots::new(21, SIDE, SPOT_PX), Spots::new(22, SIDE, SPOT_PX));
-    const CENTRE: [f64; 2] = [160.0, 150.0];
+    const CENTRE: [f64; 2] = [120.0, 110.0];
+    const SIDE: usize = 240;
     let turned = |[x, y]: [f64; 2], degrees: f64| {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let [x, y] = [x - CENTRE[0], y - CENTRE[1]];
@@ -374,7 +379,7 @@ fn a_disc_that_turns_before_a_still_plate_gives_no_unmarked_node_that_is_wrong()
     };
     for k in 0..3 {
         let image = photographed(SIDE, 2.0, 1 + k, |y| {
-            let is_disc = (y[0] - CENTRE[0]).hypot(y[1] - CENTRE[1]) < 100.0;
+            let is_disc = (y[0] - CENTRE[0]).hypot(y[1] - CENTRE[1]) < 80.0;
             if is_disc { disc.grey(turned(y, -17.0 * k as f64)) } else { plate.grey(y) }
         });
         desk.image(&format!("img_{k}.png"), &image);
@@ -384,14 +389,18 @@ fn a_disc_that_turns_before_a_still_plate_gives_no_unmarked_node_that_is_wrong()
         let nodes = nodes(&desk, number);
         let unmarked = nodes.iter().filter(|(.., mark)| mark == "none");
         let mut n_on_disc = 0;
-        for &(at, [u, v], _) in unmarked {
+        for &(at, [u, v], sigma, _) in unmarked {
             let to = turned(at, 17.0 * number as f64);
             let off = (u - (to[0] - at[0])).hypot(v - (to[1] - at[1]));
-            n_on_disc += usize::from(off < 0.1);
+            let most = (5.0 * sigma[0].hypot(sigma[1])).max(0.1);
+            n_on_disc += usize::from(off < most);
             // It may as well be one of the plate.
-            assert!(off < 0.1 || u.hypot(v) < 0.1, "frame {number}: {at:?} moved by ({u}, {v}), not to {to:?}");
+            assert!(
+                off < most || u.hypot(v) < most,
+                "frame {number}: {at:?} moved by ({u}, {v}) +- {sigma:?}, not to {to:?}"
+            );
         }
-        assert!(n_on_disc >= 20, "frame {number}: {n_on_disc} nodes of the disc");
+        assert!(n_on_disc >= 5, "frame {number}: {n_on_disc} nodes of the disc");
     }
 }
 

@@ -401,9 +401,7 @@ impl<'a> PreparedSeries<'a> {
             tally.summary.frames.sort_by_key(|frame| frame.number);
             let (references, is_named) = (&self.store.header().reference_sha256, self.plan.reference_named);
             doubts = doubts::about_series(&tally.summary, &tally.hashes, references, is_named);
-            let (camera, frames) = (self.plan.camera.as_ref(), &tally.summary.frames);
-            doubts.extend(remarks::of_lens(&self.rectifier, camera, frames));
-            doubts.extend(remarks::of_other_day(camera, frames));
+            doubts.extend(remarks::of_camera(&self.rectifier, self.plan.camera.as_ref(), &tally.summary.frames));
             tally.summary.remarks.extend(doubts.iter().cloned());
             // Also when writing has failed: what is known is kept where it can be.
             let closed = folder.write_case(&self.record.case(&tally.hashes));

@@ -19,16 +19,21 @@ use crate::report::summary::FrameSummary;
 use crate::run::words::{chain, plural, ranges};
 use std::path::{Path, PathBuf};
 
+/// What is not known of the camera of a series.
+pub(crate) fn of_camera(
+    camera: &Rectifier,
+    camera_of_case: Option<&CaseCamera>,
+    frames: &[FrameSummary],
+) -> impl Iterator<Item = Remark> {
+    [of_lens(camera, camera_of_case, frames), of_other_day(camera_of_case, frames)].into_iter().flatten()
+}
+
 /// What a usual lens adds to a series whose camera is not stated: only where it is more than the noise of a node.
 ///
 /// Displacements seem to differ by up to `3 q d (r/R)^2` and strains to be up to `6 q d r/R^2` for a distortion `q` at
 /// the corner, at the distance `R` from the centre; `d` is the largest rigid motion, `r` reaches to the node furthest
 /// from the centre (THEORY 22).
-pub(crate) fn of_lens(
-    camera: &Rectifier,
-    camera_of_case: Option<&CaseCamera>,
-    frames: &[FrameSummary],
-) -> Option<Remark> {
+fn of_lens(camera: &Rectifier, camera_of_case: Option<&CaseCamera>, frames: &[FrameSummary]) -> Option<Remark> {
     if camera_of_case.is_some_and(|camera| camera.states_camera() || camera.exact == Some(true)) {
         return None;
     }
@@ -61,7 +66,7 @@ pub(crate) fn of_lens(
 }
 
 /// Images that were taken on another day than those of the calibration.
-pub(crate) fn of_other_day(camera_of_case: Option<&CaseCamera>, frames: &[FrameSummary]) -> Option<Remark> {
+fn of_other_day(camera_of_case: Option<&CaseCamera>, frames: &[FrameSummary]) -> Option<Remark> {
     /// Seconds.
     const DAY: f64 = 86400.0;
     let calibrated = camera_of_case?.taken.as_deref()?;
@@ -274,14 +279,9 @@ pub(crate) fn of_nodes(reference: &Reference) -> impl Iterator<Item = Remark> {
 /// The strips of rectangles that whole elements of `size` px leave over, from 1 px on; `None` without any.
 pub(crate) fn left_over(zones: &[CaseZone], size: usize) -> Option<Remark> {
     let of_zone = |(k, zone): (usize, &CaseZone)| {
-        let is_rectangle = [
-            zone.polygon.is_none(),
-            zone.mask.is_none(),
-            zone.mesh.is_none(),
-            zone.elements.is_none(),
-            zone.in_mm.is_none(),
-        ];
-        let [x0, y0, x1, y1] = zone.roi.filter(|_| is_rectangle == [true; 5])?;
+        let has_outline = zone.polygon.is_some() || zone.mask.is_some() || zone.mesh.is_some();
+        let is_rectangle = !has_outline && zone.elements.is_none() && zone.in_mm.is_none();
+        let [x0, y0, x1, y1] = zone.roi.filter(|_| is_rectangle)?;
         // As the mesh is laid, within round-off.
         let [right, below] = [x1 - x0, y1 - y0].map(|length| (100.0 * ((length + 1e-6) % size as f64)).round() / 100.0);
         let name = zone.name_at(k);

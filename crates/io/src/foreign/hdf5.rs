@@ -1,7 +1,7 @@
 //! A field in HDF5: the analysis that Ncorr saves (MATLAB 7.3), the exchange file of the Chair of Forming and Machining
 //! Processes, TU Dresden (DIC_Exchange 0.1), and arrays as those of [`super::archive`].
 
-use super::layout::{LengthUnit, YAxis};
+use super::layout::{EXCHANGE, LengthUnit, NCORR, YAxis};
 use super::{FieldError, FieldOptions, FieldPoints, Layout, Meaning, archive, mat};
 use crate::arrays::Values;
 use crate::npz::Array;
@@ -9,8 +9,6 @@ use hdf5_reader::{Dataset, Datatype, Hdf5File, OpenOptions};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-pub(super) const NCORR: &str = "ncorr";
-pub(super) const EXCHANGE: &str = "dic-exchange";
 /// Group of Ncorr's results.
 const ANALYSIS: &str = "data_dic_save";
 /// Positions by time step, point and axis in an exchange file; beside it the scatter of single points.

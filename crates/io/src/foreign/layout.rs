@@ -117,6 +117,10 @@ const PLAIN: Layout = Layout {
     invalid: None,
 };
 
+/// Layouts of files in HDF5.
+pub(super) const NCORR: &str = "ncorr";
+pub(super) const EXCHANGE: &str = "dic-exchange";
+
 /// All layouts; the first that fits is taken.
 pub const LAYOUTS: [Layout; 10] = [
     Layout {
@@ -188,15 +192,8 @@ pub const LAYOUTS: [Layout; 10] = [
         y: Some(YAxis::Down),
         invalid: Some(Invalid::NegativeSigma),
     },
-    Layout {
-        name: super::hdf5::NCORR,
-        program: "Ncorr",
-        columns: &[],
-        unit: Some(LengthUnit::Px),
-        y: Some(YAxis::Down),
-        ..PLAIN
-    },
-    Layout { name: super::hdf5::EXCHANGE, program: "another program", columns: &[], ..PLAIN },
+    Layout { name: NCORR, program: "Ncorr", columns: &[], unit: Some(LengthUnit::Px), y: Some(YAxis::Down), ..PLAIN },
+    Layout { name: EXCHANGE, program: "another program", columns: &[], ..PLAIN },
     PLAIN,
 ];
 
