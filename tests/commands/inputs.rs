@@ -400,7 +400,7 @@ fn zones_and_meshes_of_a_drawing_in_mm_lie_where_the_camera_sees_them() {
     ] {
         desk.write("case.toml", case(&zone));
         desk.correlate(&format!("--case case.toml --element-size 16 --output {folder}")).fine();
-        let store = Store::open(&desk.path(folder)).unwrap();
+        let store = Store::open(desk.path(folder)).unwrap();
         let found = store.mesh().nodes();
         // Of the rectangle the corners alone: between them its sides are straight in the image.
         let of = if folder == "roi" { vec![nodes[0], nodes[2], nodes[3], nodes[5]] } else { nodes.to_vec() };
@@ -411,7 +411,7 @@ fn zones_and_meshes_of_a_drawing_in_mm_lie_where_the_camera_sees_them() {
         }
         // The record has the drawing, and gives the same run.
         desk.correlate(&format!("--case {folder}/run.toml --output {folder}-again")).fine();
-        let again = Store::open(&desk.path(&format!("{folder}-again"))).unwrap();
+        let again = Store::open(desk.path(&format!("{folder}-again"))).unwrap();
         assert_eq!(found, again.mesh().nodes(), "{folder}");
     }
     desk.write("case.toml", case(&format!("{rectangle}\n{place}")).replace("pixel_size_mm = 0.05", ""));

@@ -320,8 +320,11 @@ fn a_body_that_leaves_a_black_ground_is_no_torn_image_and_a_stated_noise_is_name
     assert!(ran.code == Some(2) && ran.stderr.contains("the noise is stated as 60.00 grey levels"), "{ran}");
 }
 
-/// Position, displacement, its standard uncertainty and mark of every measured node of a frame.
-fn nodes(desk: &Desk, number: usize) -> Vec<([f64; 2], [f64; 2], [f64; 2], String)> {
+/// Position, displacement, its standard uncertainty, and mark.
+type Node = ([f64; 2], [f64; 2], [f64; 2], String);
+
+/// The measured nodes of a frame.
+fn nodes(desk: &Desk, number: usize) -> Vec<Node> {
     let text = desk.read(&format!("out/csv/{number:06}.csv"));
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
     let rows = reader.deserialize::<HashMap<String, String>>().map(|row| {
@@ -342,7 +345,7 @@ fn the_bar_of_a_microscope_below_the_picture_is_left_out_and_the_specimen_is_rig
     for (k, u) in [[0.0, 0.0], [1.3, -0.6], [12.4, 3.1]].into_iter().enumerate() {
         let image = photographed(SIDE, 3.0, 1 + k as u64, |y| {
             // Text, a clock that goes on, and a line for the scale.
-            let is_text = (TEXT..306.0).contains(&y[1]) && (y[0] as usize / 6) % 2 == 0 && y[0] < 160.0;
+            let is_text = (TEXT..306.0).contains(&y[1]) && (y[0] as usize / 6).is_multiple_of(2) && y[0] < 160.0;
             let is_clock =
                 (TEXT..306.0).contains(&y[1]) && (180.0 + 9.0 * k as f64..200.0 + 9.0 * k as f64).contains(&y[0]);
             let is_line = (310.0..314.0).contains(&y[1]) && (200.0..300.0).contains(&y[0]);

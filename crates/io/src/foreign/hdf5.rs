@@ -166,7 +166,7 @@ fn exchange(
     let sigma = sigma.transpose()?.filter(|&(_, axes)| axes >= 2);
     let pair = |of: &[f64], axes: usize, step: usize, point: usize| {
         let at = (step * points + point) * axes;
-        of.get(at..at + 2).map_or([f64::NAN; 2], |pair| [pair[0], pair[1]])
+        of.get(at..at + 2).and_then(|pair| pair.first_chunk().copied()).unwrap_or([f64::NAN; 2])
     };
     let frame = |step: usize| {
         let mut found = FieldPoints { layout, points: Vec::new(), n_invalid: 0 };
