@@ -19,13 +19,19 @@ pub(super) const UNIT: &str = "unit";
 pub(super) const Y_AXIS: &str = "y_axis";
 /// No array is larger, bytes.
 const LARGEST: usize = 1 << 32;
+/// Deflate shrinks by no more.
+const RATIO: usize = 1032;
+/// Bytes that an array may have in any file.
+const SMALL: usize = 1 << 20;
 
 type Read<T> = Result<T, String>;
 
 /// The frames that a file holds.
 pub(super) fn parse(bytes: &[u8], path: &Path, options: &FieldOptions) -> Result<Vec<FieldPoints>, FieldError> {
     let wrong = |reason: String| FieldError::Arrays { path: path.to_owned(), reason };
-    let limits = OpenOptions::default().with_max_read_bytes(LARGEST).with_max_chunk_bytes(LARGEST);
+    // A few damaged bytes would make an array of gigabytes that nobody has written.
+    let largest = bytes.len().saturating_mul(RATIO).clamp(SMALL, LARGEST);
+    let limits = OpenOptions::default().with_max_read_bytes(largest).with_max_chunk_bytes(largest);
     let file = Hdf5File::from_bytes_with_options(bytes, limits)
         .map_err(|error| wrong(format!("the HDF5 file cannot be read: {error}")))?;
     let layout = |name: &str| {
