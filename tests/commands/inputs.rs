@@ -416,6 +416,8 @@ fn zones_and_meshes_of_a_drawing_in_mm_lie_where_the_camera_sees_them() {
     }
     desk.write("case.toml", case(&format!("{rectangle}\n{place}")).replace("pixel_size_mm = 0.05", ""));
     desk.correlate("--case case.toml --output none").refused(&["zone 'part' is in mm", "--pixel-size"]);
+    desk.write("case.toml", case(&format!("{rectangle}\npolygon = [[0, 0], [1, 0], [1, 1]]\n{place}")));
+    desk.correlate("--case case.toml --output none").refused(&["zone 'part' is in mm and has both roi and polygon"]);
     desk.write("case.toml", case("roi = [0, 0, 3.2, 1.5]\nin_mm = { origin_px = [nan, 0] }"));
     desk.correlate("--case case.toml --output none").refused(&["in_mm"]);
 }

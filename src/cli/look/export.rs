@@ -213,7 +213,7 @@ impl Export<'_> {
             return Err("the HDF5 file would have more than 1 GiB; use --split or --frames".into());
         }
         let camera = Rectifier::new(header.camera()?, store.mesh())?;
-        let about = format!("quadrille {}; strains: {:?}", header.quadrille, header.strain);
+        let about = format!("quadrille {}; strains: {}", header.quadrille, header.strain.name());
         let (mut done, total) = (0, self.numbers.len());
         for (name, numbers) in files {
             let mut file: Option<Exchange> = None;

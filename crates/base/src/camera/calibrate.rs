@@ -479,7 +479,7 @@ impl State {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::field::Status;
     use crate::isa::Isa;
@@ -492,7 +492,7 @@ mod tests {
     const NOISE: f64 = 0.12;
 
     /// Normal numbers from a seed.
-    fn normals(seed: u64) -> impl FnMut() -> f64 {
+    pub(in crate::camera) fn normals(seed: u64) -> impl FnMut() -> f64 {
         let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
         let mut even = move || {
             state ^= state << 13;

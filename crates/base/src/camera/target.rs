@@ -563,21 +563,10 @@ fn similarity(view: &[MarkedPoint], centre: Point) -> Option<[f64; 4]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::calibrate::tests::normals;
 
     const SIZE: [usize; 2] = [640, 480];
     const FOCAL: f64 = 1200.0;
-
-    /// Normal numbers from a seed.
-    fn normals(seed: u64) -> impl FnMut() -> f64 {
-        let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
-        let mut even = move || {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 11) as f64 / (1u64 << 53) as f64
-        };
-        move || (0..12).map(|_| even()).sum::<f64>() - 6.0
-    }
 
     /// A board of 9 x 6 points, 10 mm apart, turned by these angles about x and y, seen by a pinhole with k1 for the
     /// focal length; written without what is tested.

@@ -758,6 +758,8 @@ mod tests {
         refused(five, &box_of(10.0, 20.0), &["zone \"a\"", "5 corners", "mesh = \"strips.msh\""]);
         let dart = "polygon = [[10, 90], [90, 90], [30, 100], [10, 130]]";
         refused(dart, &box_of(10.0, 20.0), &["zone \"a\"", "inwards"]);
+        let drawn = "roi = [0, 0, 4, 2]\nin_mm = { origin_px = [10, 90] }";
+        refused(drawn, &box_of(10.0, 20.0), &["zone \"a\"", "given in px", "in_mm"]);
         refused("mask = 'm.png'", &box_of(10.0, 20.0), &["zone \"a\"", "four corners", "no mask"]);
     }
 }
