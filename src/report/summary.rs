@@ -6,7 +6,7 @@ use crate::backend::Traffic;
 use crate::correlate::{
     Ambiguity, Correlation, FixedPattern, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault,
 };
-use crate::field::{ElementMark, Flattened, Marked, Measurement, Misfit, RigidMotion, Status};
+use crate::field::{ElementMark, Flattened, Marked, Measurement, Misfit, RigidMotion, Status, uniform_strain};
 use crate::imaging::{Blank, Saturation};
 use crate::remark::{About, Remark};
 use crate::units::Px;
@@ -154,6 +154,10 @@ pub struct FrameSummary {
     pub residual_percent: Option<f64>,
     /// Rigid motion of all measured nodes.
     pub rigid_motion: Option<RigidSummary>,
+    /// Strain of the zone `still`, else of all measured nodes, where it is alike in all directions and places; absent
+    /// where it is not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uniform_strain: Option<f64>,
     /// Zone by zone.
     pub zones: Vec<ZoneSummary>,
     /// Nodes with a result.
@@ -418,6 +422,13 @@ fn rigid_of(result: &Correlation) -> Option<RigidMotion> {
     moving.map_or(result.rigid, |zone| zone.rigid)
 }
 
+fn uniform_strain_of(field: &Measurement<Px>) -> Option<f64> {
+    let Measurement { mesh, measured, displacement, .. } = field;
+    let still = mesh.zones().iter().position(|zone| zone == STILL);
+    let nodes = still.map_or(0..mesh.n_nodes(), |zone| mesh.zone_nodes(zone));
+    uniform_strain(nodes.filter(|&node| measured[node]).map(|node| (mesh.nodes()[node], displacement[node])))
+}
+
 impl FrameSummary {
     /// A frame that gave no field, because of `why`.
     pub fn unreadable(number: usize, file: String, why: String, seconds_decode: f64) -> Self {
@@ -437,6 +448,7 @@ impl FrameSummary {
             residual_grey: None,
             residual_percent: None,
             rigid_motion: None,
+            uniform_strain: None,
             zones: Vec::new(),
             nodes_measured: 0,
             measured_percent: None,
@@ -509,6 +521,7 @@ impl FrameSummary {
             residual_grey: finite(result.residual_rms),
             residual_percent: finite(result.residual_percent),
             rigid_motion: rigid_of(result).map(Into::into),
+            uniform_strain: field.and_then(uniform_strain_of),
             zones: zones.collect(),
             nodes_measured,
             measured_percent: field.map(|_| 100.0 * nodes_measured as f64 / with_texture.max(1) as f64),

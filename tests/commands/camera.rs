@@ -203,6 +203,13 @@ fn points_and_lengths_give_a_scale_and_a_file_of_opencv_is_a_camera() {
     let rows = desk.rows("out/csv/000001.csv");
     // Marks of half a pixel over 100: a few per mille.
     assert!((rows[0].mm.unwrap().displacement[0] / rows[0].px.displacement[0] - 0.05).abs() < 1e-3);
+    // The same points in a case file: the same numbers; and from there for `calibrate`.
+    let points = "points = [[10, 10, 0, 0], [110, 10, 5, 0], [110, 90, 5, 4], [10, 90, 0, 4]]";
+    desk.write("marks.toml", format!("[camera]\nimage_size_px = [128, 96]\n{points}"));
+    desk.correlate(&format!("{} --case marks.toml --output marks ref.png a.png", program::INSIDE)).fine();
+    assert_eq!(desk.rows("marks/csv/000001.csv"), rows);
+    let again = desk.run("calibrate ref.png --case marks.toml --output again").printed();
+    assert!(again.contains("1 px = 0.05"), "{again}");
     desk.write(
         "cv.yml",
         "%YAML:1.0\n---\nimage_width: 128\nimage_height: 96\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   \
@@ -214,8 +221,8 @@ fn points_and_lengths_give_a_scale_and_a_file_of_opencv_is_a_camera() {
     let run = desk.read("cv/run.toml");
     assert!(run.contains("[camera]") && run.contains("focal_px = [500.0, 500.0]") && !run.contains("cv.yml"), "{run}");
     // The run is told by its numbers, and repeats from them.
-    desk.correlate("--case cv/run.toml --output again").fine();
-    assert_eq!(desk.rows("again/csv/000001.csv"), desk.rows("cv/csv/000001.csv"));
+    desk.correlate("--case cv/run.toml --output repeated").fine();
+    assert_eq!(desk.rows("repeated/csv/000001.csv"), desk.rows("cv/csv/000001.csv"));
 }
 
 /// A lens of 0.3 % at the corner of images of 640 x 480 px.
@@ -365,4 +372,16 @@ fn zones_that_are_still_take_a_change_of_the_distance_off_and_tell_when_they_are
     desk.correlate(&format!("{line} --case bare.toml --output bare a.png b.png")).fine();
     assert_eq!(desk.read("bare/quantities/still.csv").lines().filter(|line| !line.starts_with('#')).count(), 2);
     desk.run("probe bare --curves").fine();
+    // Nothing stated: what grows alike in all directions may be a distance that changed; what is pulled is not.
+    let unstated = "--roi 120,40,392,470 --output";
+    desk.image("e.png", &between_rails(0.0, 0.0, 1e-3, 5));
+    for (folder, image, rings) in [("grown", "e.png", true), ("pulled", "c.png", false)] {
+        desk.correlate(&format!("{line} {unstated} {folder} a.png {image}")).fine();
+        let said = desk.remarks(folder, Code::ScaleChanged);
+        assert_eq!(said.len(), usize::from(rings), "{said:?}");
+        let strain = said.first().and_then(|remark| remark.number("strain"));
+        assert!(strain.is_none_or(|strain| (strain - 1e-3).abs() < 1e-4), "{said:?}");
+    }
+    desk.correlate(&format!("{line} --case held.toml --output held-grown a.png e.png")).fine();
+    assert!(desk.remarks("held-grown", Code::ScaleChanged).is_empty());
 }

@@ -283,6 +283,16 @@ f.onload = async () => {
     at('name').value = '<i>zone</i>'; at('name').dispatchEvent(new w.Event('change'));
     await until('the check', () => at('zones').tBodies[0].rows.length && at('zones').tBodies[0].rows[0].cells[0].textContent === '<i>zone</i>');
     said.checked = [...at('zones').tBodies[0].rows[0].cells].map(cell => cell.textContent);
+    // Known points: 0.05 mm a pixel, the last one seen a pixel away from where a plain camera sees it.
+    for (const [x, y, mmX, mmY] of [[20, 20, 0, 0], [100, 20, 4, 0], [100, 70, 4, -2.5], [20, 71, 0, -2.5]]) {
+      at('tool-mark').click(); send('pointerdown', [x, y]); send('pointerup', [x, y]);
+      [['mm-x', mmX], ['mm-y', mmY]].forEach(([id, mm]) => { at(id).value = mm; at(id).dispatchEvent(new w.Event('input')); });
+    }
+    await until('the grid', () => !at('grid-label').hidden && at('check-notes').textContent.includes('Camera: '));
+    said.camera = at('check-notes').textContent;
+    said.loads = [...at('loads').children].map(option => option.value);
+    const fill = (key, value) => { const field = d.querySelector(`[data-key="${key}"]`); field.value = value; field.dispatchEvent(new w.Event('change')); };
+    fill('correlation.strain_window', '3'); fill('correlation.noise', '2'); fill('correlation.noise', ''); fill('load.file', 'loads.csv');
     said.case = at('case').textContent;
     at('run').click();
     await until('a frame', () => at('done').tBodies[0].rows.length);
@@ -362,6 +372,7 @@ fn the_whole_way_from_a_folder_to_results_in_a_browser() {
     let hostile = "<b><img src=x onerror='window.ran=1'>&amp;.png";
     desk.image("ref.png", &speckle(&Translation([0.0; 2]), Depth::U8));
     desk.image(hostile, &moved([0.5, -0.25]));
+    desk.write("loads.csv", format!("load_N\n{}", (1..=300).map(|k| format!("{k}\n")).collect::<String>()));
     for k in 1..300 {
         desk.image(&format!("{k}.png"), &moved([0.5 * f64::from(k) / 299.0, 0.0]));
     }
@@ -400,6 +411,20 @@ fn the_whole_way_from_a_folder_to_results_in_a_browser() {
             case.contains("reference = \"ref.png\"\ndeformed = \"*.png\"") && case.contains("roi = [16, 16, 112, 80]"),
             "{case}"
         );
+        assert!(
+            case.contains("[camera]\nimage_size_px = [128, 96]\npoints = [[20, 20, 0, 0], [100, 20, 4, 0]"),
+            "{case}"
+        );
+        assert!(
+            text("camera").contains("1 px = 0.0498") && text("camera").contains("it moves points by up to"),
+            "{said}"
+        );
+        assert!(
+            case.contains("strain_window = 3\n")
+                && !case.contains("noise")
+                && case.contains("[load]\nfile = \"loads.csv\"")
+        );
+        assert_eq!(said["loads"], serde_json::json!(["loads.csv"]), "{said}");
         assert_eq!(desk.read("case.toml"), case, "what is run is what is shown");
         assert!(text("stopped").starts_with("stopped") && !text("stopped").contains("300 of 300"), "{said}");
         assert!(text("live").contains("frame ") && text("live").contains("u_y"), "{said}");

@@ -551,7 +551,8 @@ f.onload = () => {
     at('joint').checked = true; at('joint').dispatchEvent(new w.Event('change'));
     said.without_scale = at('notes').textContent;
     key('k'); drag([20, 48], [70, 48], { shiftKey: true }); fill('length', '2.5', 'input');
-    fill('joint-e', '0', 'change');
+    said.empty = at('notes').textContent;
+    for (const [id, value] of [['e', '0'], ['nu', '0.33'], ['phi', '1'], ['dn', '0.005'], ['dt', '0.05'], ['r', '1']]) fill(`joint-${id}`, value, 'change');
     said.nothing = at('notes').textContent;
     fill('joint-e', '72000', 'change'); fill('joint-phi', '1.5', 'change');
     said.case = at('case').textContent;
@@ -574,6 +575,7 @@ fn a_joint_drawn_between_two_zones_is_a_case_of_run() {
         assert!(said.get("error").is_none() && said["alone"] == true && said["notes"] == "", "{said}");
         let told = |key: &str, words: &str| assert!(said[key].as_str().unwrap().contains(words), "{key}: {said}");
         told("without_scale", "The joint needs the scale");
+        told("empty", "The joint needs all its values");
         told("nothing", "have to be positive");
         told("overlap", "there is no room for an adhesive");
         // The lower zone first: its normal points up to the other.

@@ -158,9 +158,9 @@ pub struct CalibrateArgs {
     /// Distance of neighbouring points of the target, mm.
     #[arg(long, value_name = "MM", allow_hyphen_values = true)]
     pub pitch: Option<f64>,
-    /// Standard uncertainty of what was marked, px.
-    #[arg(long, value_name = "PX", default_value = "0.5", allow_hyphen_values = true, hide_short_help = true)]
-    pub mark_std: f64,
+    /// Standard uncertainty of what was marked, px; 0.5 where none is given.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true, hide_short_help = true)]
+    pub mark_std: Option<f64>,
     #[command(flatten)]
     pub correlate: CorrelateArgs,
 }

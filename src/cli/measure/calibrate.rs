@@ -4,7 +4,7 @@ use super::correlate::{request, session, talk};
 use super::found::{draw_residual, said_of, said_of_tried};
 use super::target::{asked_target, of_target};
 use crate::camera::calibrate::{Calibration, calibrate};
-use crate::camera::marked::{MarkedLength, MarkedPoint, Scaled, camera_of_points, scale_of_lengths, unknown_plane};
+use crate::camera::marked::{Scaled, unknown_plane};
 use crate::camera::{Camera, PARAMETERS};
 use crate::cli::args::CalibrateArgs;
 use crate::cli::look::figures::reference;
@@ -24,8 +24,8 @@ use std::path::Path;
 const CAMERA: &str = "camera.toml";
 
 pub(crate) fn run(args: &CalibrateArgs, paint: Paint) -> Result<Outcome> {
-    let marks = !args.point.is_empty() || !args.length.is_empty();
     let case = args.correlate.case.as_deref().map(read_case).transpose()?.unwrap_or_default();
+    let marks = marks(args, case.camera.as_ref());
     // What is to be found is not stated.
     let case = CaseFile { camera: Some(CaseCamera { exact: Some(true), ..CaseCamera::default() }), ..case };
     let asked = request(&args.correlate);
@@ -41,7 +41,9 @@ pub(crate) fn run(args: &CalibrateArgs, paint: Paint) -> Result<Outcome> {
         return write(args, &folder, &scaled.camera, Some(&scaled), &said);
     }
     let alone = match asked.images.deformed.as_deref() {
-        Some([name]) if marks && asked.images.reference.is_none() => Some(name),
+        Some([name]) if (marks.points.is_some() || marks.lengths.is_some()) && asked.images.reference.is_none() => {
+            Some(name)
+        }
         _ => None,
     };
     let (camera, mut said) = match alone {
@@ -58,7 +60,7 @@ pub(crate) fn run(args: &CalibrateArgs, paint: Paint) -> Result<Outcome> {
             (found.camera.clone(), verdict(&found))
         }
     };
-    let scaled = scaled(args, &camera)?;
+    let scaled = marks.scaled(&camera)?;
     let camera = scaled.as_ref().map_or(camera, |scaled| scaled.camera.clone());
     said.push(said_of_scale(scaled.as_ref()));
     if alone.is_some() {
@@ -93,6 +95,20 @@ fn write(
     Ok(Outcome::Fine)
 }
 
+/// What was marked: on the command line, or else in the case.
+fn marks(args: &CalibrateArgs, case: Option<&CaseCamera>) -> CaseCamera {
+    let given = CaseCamera {
+        points: (!args.point.is_empty()).then(|| args.point.clone()),
+        lengths: (!args.length.is_empty()).then(|| args.length.clone()),
+        ..CaseCamera::default()
+    };
+    let marks = match (&given.points, &given.lengths) {
+        (None, None) => case.cloned().unwrap_or_default(),
+        _ => given,
+    };
+    CaseCamera { mark_std_px: args.mark_std.or(marks.mark_std_px), ..marks }
+}
+
 /// When the first image was taken, where its file says so.
 fn taken(args: &CalibrateArgs) -> Option<String> {
     let images = request(&args.correlate).images;
@@ -122,22 +138,6 @@ fn of_series(folder: &RunFolder) -> Result<Calibration> {
         draw_residual(&folder.path().join(FIGURES), *number, field, left, &backdrop, note)?;
     }
     Ok(found)
-}
-
-/// The scale, where something was marked.
-fn scaled(args: &CalibrateArgs, camera: &Camera) -> Result<Option<Scaled>> {
-    let points: Vec<MarkedPoint> =
-        args.point.iter().map(|&[x, y, a, b]| MarkedPoint { px: [x, y], mm: [a, b] }).collect();
-    let lengths: Vec<MarkedLength> =
-        args.length.iter().map(|&[x0, y0, x1, y1, mm]| MarkedLength { ends: [[x0, y0], [x1, y1]], mm }).collect();
-    match (points.is_empty(), lengths.is_empty()) {
-        (true, true) => Ok(None),
-        (false, true) => Ok(Some(camera_of_points(camera, &points, args.mark_std)?)),
-        (true, false) => Ok(Some(scale_of_lengths(camera, &lengths, args.mark_std)?)),
-        (false, false) => {
-            Err("--point and --length are both given; points hold the lengths between them: give one kind".into())
-        }
-    }
 }
 
 fn said_of_scale(scaled: Option<&Scaled>) -> String {

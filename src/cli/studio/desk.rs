@@ -99,6 +99,10 @@ impl Studied {
                 case_folder: None,
             },
             images: json!(images),
+            files: json!({
+                "loads": folder::named(&self.folder, &["csv", "txt", "dat"]),
+                "cameras": folder::named(&self.folder, &["toml", "yml", "yaml", "json"]),
+            }),
             image: shown,
             fault,
             case: file_name(&self.case),
@@ -129,10 +133,19 @@ impl Studied {
         if self.job.is_running() {
             return Err("a run is in progress: what is drawn is checked when it has ended".into());
         }
-        let Checked { zones, nodes, elements, without_texture, remarks } = check(&self.plan(text)?.0, &self.pool)?;
+        let plan = self.plan(text)?.0;
+        let Checked { zones, nodes, elements, without_texture, remarks, grid } = check(&plan, &self.pool)?;
         let mesh = json!({ "nodes": rounded(nodes.iter().flatten(), 2), "elements": elements });
         let zones: Vec<Value> = zones.iter().map(zone).collect();
-        Ok(Answer::json(&json!({"zones": zones, "remarks": remarks, "without_texture": without_texture, "mesh": mesh})))
+        let flat =
+            |lines: &[Vec<[f64; 2]>]| lines.iter().map(|line| rounded(line.iter().flatten(), 3)).collect::<Vec<_>>();
+        let grid =
+            grid.map(|grid| json!({ "plain": flat(&grid.plain), "seen": flat(&grid.seen), "most_px": grid.most_px }));
+        Ok(Answer::json(&json!({
+            "zones": zones, "remarks": remarks, "without_texture": without_texture, "mesh": mesh, "grid": grid,
+            "pixel_size_mm": plan.pixel_size.map(|size| size.mm_per_px()),
+            "pixel_size_relative_std": plan.camera.as_ref().and_then(|camera| camera.pixel_size_relative_std),
+        })))
     }
 
     /// Writes the case file: what was drawn here, over nothing else.

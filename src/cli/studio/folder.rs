@@ -52,6 +52,16 @@ pub(super) fn is_inside(folder: &Path, path: &Path) -> bool {
     path.canonicalize().is_ok_and(|real| real.starts_with(folder))
 }
 
+/// Names of the files in `folder` with one of these endings.
+pub(super) fn named(folder: &Path, endings: &[&str]) -> Vec<String> {
+    let is_named = |path: &PathBuf| {
+        let ending = path.extension().and_then(|ending| ending.to_str()).map(str::to_lowercase);
+        ending.is_some_and(|ending| endings.contains(&ending.as_str())) && path.is_file() && is_inside(folder, path)
+    };
+    let name = |path: PathBuf| Some(path.file_name()?.to_str()?.to_owned());
+    entries(folder).into_iter().filter(is_named).filter_map(name).take(MOST).collect()
+}
+
 fn in_folder(root: &Path, folder: &Path) -> Vec<Listed> {
     let listed = |path: PathBuf| {
         let ending = path.extension()?.to_str()?.to_owned();

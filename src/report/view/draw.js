@@ -15,13 +15,14 @@ const KINDS = {
   extensometer: { how: 'drag', name: 'extensometer', colour: '#009e73', key: 'e', say: 'Drag from one end to the other.' },
   line: { how: 'drag', name: 'line', colour: '#cc79a7', key: 'l', say: 'Drag a line along which values are wanted.' },
   point: { how: 'click', name: 'point', colour: '#cc79a7', key: 'o', say: 'Click a point.' },
-  scale: { how: 'drag', name: '', colour: '#e69f00', key: 'k', say: 'Drag a length that you know, then give it in mm.' },
+  scale: { how: 'drag', name: '', colour: '#e69f00', key: 'k', say: 'Drag a length that you know, then give it in mm; several are weighed.' },
+  mark: { how: 'click', name: '', colour: '#e69f00', key: 'n', say: 'Click a point whose place on the specimen you know, then give its mm, along any axes; four or more tell how the plane stands.' },
 };
 /** Sections of the case file. */
 const SECTIONS = { roi: 'zone', polygon: 'zone', crack: 'crack', extensometer: 'extensometer', line: 'line', point: 'probe' };
 const KEYS = { select: 's', move: 'm' };
 for (const kind in KINDS) KEYS[kind] = KINDS[kind].key;
-let shapes = [], chosen = -1, tool = 'roi', path = null, drag = null, pointer = null, settings = { size: 16, brush: Math.max(4, Math.round(Math.max(W, H) / 40)), opening: false, joint: false, given: {}, e: 70000, nu: .33, phi: 1, dn: .005, dt: .05 };
+let shapes = [], chosen = -1, tool = 'roi', path = null, drag = null, pointer = null, settings = { size: 16, brush: Math.max(4, Math.round(Math.max(W, H) / 40)), opening: false, joint: false, given: {}, e: null, nu: null, phi: null, dn: null, dt: null, r: null };
 const past = [], future = [];
 const frozen = () => JSON.stringify([shapes, settings]);
 /** What is done after this can be undone. */
@@ -114,13 +115,13 @@ function nameFor(kind) {
 }
 function add(kind, points) {
   remember();
-  if (kind === 'scale') shapes = shapes.filter(shape => shape.kind !== 'scale');
   const zone = isCut(kind) ? zoneFor() : undefined;
   if (isCut(kind) && zone === undefined) { past.pop(); say('There is no zone yet to cut anything out of.'); return; }
-  shapes.push({ kind, name: nameFor(kind), points, zone, mm: kind === 'scale' ? 0 : undefined, width: kind === 'brush' ? settings.brush : undefined });
+  shapes.push({ kind, name: nameFor(kind), points, zone, mm: kind === 'scale' ? 0 : undefined, place: kind === 'mark' ? [null, null] : undefined, width: kind === 'brush' ? settings.brush : undefined });
   chosen = shapes.length - 1;
   changed();
   if (kind === 'scale') at('length').focus();
+  if (kind === 'mark') at('mm-x').focus();
 }
 /** Name of the zone chosen, else of the last. */
 function zoneFor() {
@@ -167,12 +168,27 @@ const still = shape => shape.from && shape.from.points === JSON.stringify(shape.
 /** First pixel inside and first beyond, of the edges of a rectangle. */
 const edges = ([[a, b], [c, d]]) => [Math.min(a, c), Math.min(b, d), Math.max(a, c), Math.max(b, d)].map(v => Math.round(v + .5));
 const roiOf = shape => still(shape).roi || edges(shape.points);
-const scaleOf = () => {
-  const scale = shapes.find(shape => shape.kind === 'scale' && shape.mm > 0);
-  if (!scale) return null;
-  const [[a, b], [c, d]] = scale.points, px = Math.hypot(c - a, d - b), { mm } = still(scale);
-  return px > 0 ? { px, mm: scale.mm, given: mm === scale.mm ? still(scale).pixel : undefined } : null;
-};
+const scales = () => shapes.filter(shape => shape.kind === 'scale' && shape.mm > 0);
+const isPlaced = shape => shape.place.every(Number.isFinite);
+const marks = () => shapes.filter(shape => shape.kind === 'mark');
+const lengthOf = ({ points: [[a, b], [c, d]] }) => Math.hypot(c - a, d - b);
+/** Size of a pixel: of the points that are known, else of the lengths; null without. */
+function scaleOf() {
+  const known = marks().filter(isPlaced), lengths = scales().filter(scale => lengthOf(scale) > 0);
+  const spread = all => [0, 1].reduce((sum, c) => { const mean = all.reduce((s, p) => s + p[c], 0) / all.length; return sum + all.reduce((s, p) => s + (p[c] - mean) ** 2, 0); }, 0);
+  if (known.length > 1) { const perPx = Math.sqrt(spread(known.map(({ place }) => place)) / spread(known.map(({ points }) => points[0]))); return perPx > 0 ? { perPx } : null; }
+  if (!lengths.length) return null;
+  const perPx = lengths.reduce((s, l) => s + l.mm * lengthOf(l), 0) / lengths.reduce((s, l) => s + lengthOf(l) ** 2, 0);
+  const [one] = lengths, { mm, pixel } = still(one);
+  return { perPx, given: lengths.length === 1 && mm === one.mm ? pixel : undefined };
+}
+/** What `[camera]` says of points, or of more lengths than one. */
+function marked() {
+  const size = { image_size_px: [W, H] }, known = marks();
+  if (known.length) return { ...size, points: known.filter(isPlaced).map(({ points, place }) => [...points[0], ...place]) };
+  const lengths = scales();
+  return lengths.length > 1 || lengths.some(({ from }) => from && from.table.marked) ? { ...size, lengths: lengths.map(({ points, mm }) => [...points[0], ...points[1], mm]) } : null;
+}
 const zones = () => shapes.filter(shape => KINDS[shape.kind].zone);
 /** The two zones of a joint, the lower one first, and the pieces of their facing edges that lie opposite each other; null without. */
 function joint() {
@@ -188,7 +204,7 @@ function joint() {
   return { names: [first.zone.name, second.zone.name], gap, faces: at.map(v => along.map(u => point(u, v))) };
 }
 /** The fields of the joint: their section, their key there. */
-const FIELDS = { e: ['substrate', 'E_MPa'], nu: ['substrate', 'nu'], phi: ['cohesive', 'phi_n_N_per_mm'], dn: ['cohesive', 'delta_n_mm'], dt: ['cohesive', 'delta_t_mm'] };
+const FIELDS = { e: ['substrate', 'E_MPa'], nu: ['substrate', 'nu'], phi: ['cohesive', 'phi_n_N_per_mm'], dn: ['cohesive', 'delta_n_mm'], dt: ['cohesive', 'delta_t_mm'], r: ['cohesive', 'r'] };
 /** Whether a field of the joint is one of its case file: another law has other parameters. */
 const isOwn = key => { const [name, field] = FIELDS[key], table = settings.given[name]; return !table || typeof table[field] === 'number'; };
 const OF_JOINT = ['interface', 'substrate', 'cohesive', 'boundary', 'measurement', 'fit'];
@@ -199,9 +215,9 @@ function jointTables() {
   if (!found) return made;
   const zones = (given.interface || {}).zones;
   made.interface = { ...given.interface, zones: Array.isArray(zones) && found.names.every(name => zones.includes(name)) ? zones : found.names };
-  const of = name => Object.fromEntries(Object.entries(FIELDS).filter(([key, [table]]) => table === name && isOwn(key)).map(([key, [, field]]) => [field, settings[key]]));
+  const of = name => Object.fromEntries(Object.entries(FIELDS).filter(([key, [table]]) => table === name && isOwn(key) && settings[key] !== null).map(([key, [, field]]) => [field, settings[key]]));
   made.substrate = isTable(given.substrate) ? { ...given.substrate, ...of('substrate') } : given.substrate || { model: 'linear-elastic', ...of('substrate') };
-  made.cohesive = isTable(given.cohesive) ? { ...given.cohesive, ...of('cohesive') } : { model: 'extended-xu-needleman', ...of('cohesive'), r: 1 };
+  made.cohesive = isTable(given.cohesive) ? { ...given.cohesive, ...of('cohesive') } : { model: 'extended-xu-needleman', ...of('cohesive') };
   made.boundary = given.boundary || {};
   made.measurement = given.measurement || { nodes: 'free', weights: 'covariance' };
   made.fit = given.fit || { parameters: ['phi_n', 'delta_n', 'delta_t'] };
@@ -230,13 +246,14 @@ function caseText() {
   const { pixel_size_mm: given_mm, ...images } = given.images || {}, scale = scaleOf();
   const named = { reference: data.reference || undefined, deformed: (data.deformed.length > 1 ? data.deformed : data.deformed[0]) || images.deformed, page: data.page || images.page };
   written.push('[images]', ...lines({ ...named, ...images, ...named }));
-  if (scale && scale.given) written.push(`pixel_size_mm = ${scale.given}`);
-  else if (scale) written.push(`pixel_size_mm = ${(scale.mm / scale.px).toPrecision(6)} # ${number(scale.mm)} mm are ${number(scale.px)} px`);
+  const [length] = scales(), camera = marked();
+  if (scale && !camera) written.push(scale.given ? `pixel_size_mm = ${scale.given}` : `pixel_size_mm = ${scale.perPx.toPrecision(6)} # ${number(length.mm)} mm are ${number(lengthOf(length))} px`);
   written.push(...section('correlation', { ...given.correlation, element_size_px: settings.size }));
   for (const shape of shapes) if (SECTIONS[shape.kind]) written.push(...section(SECTIONS[shape.kind], [tableOf(shape)]));
   if (settings.opening && given.opening) written.push(...section('opening', [given.opening].flat()));
   else if (settings.opening && zones().length === 2) written.push(...section('opening', [{ zones: zones().map(zone => zone.name) }]));
-  const rest = Object.entries(given).filter(([name, v]) => isSections(v) && !['images', 'correlation', 'opening', ...OF_JOINT].includes(name));
+  if (camera || given.camera) written.push(...section('camera', { ...given.camera, ...camera }));
+  const rest = Object.entries(given).filter(([name, v]) => isSections(v) && !['images', 'camera', 'correlation', 'opening', ...OF_JOINT].includes(name));
   for (const [name, v] of [...rest, ...Object.entries(jointTables())]) written.push(...section(name, v));
   return written.join('\n') + '\n';
 }
@@ -245,7 +262,7 @@ function faults() {
   const found = [], names = new Map();
   for (const shape of shapes) {
     const { kind, name, points } = shape;
-    if (!isCut(kind) && kind !== 'scale') {
+    if (KINDS[kind].name) {
       if (!name.trim()) found.push('Something has no name.');
       if (names.has(`${KINDS[kind].name} ${name}`)) found.push(`Two are called '${name}': names must differ.`);
       names.set(`${KINDS[kind].name} ${name}`, true);
@@ -258,12 +275,16 @@ function faults() {
     if (KINDS[kind].closed && points.some((a, i) => points.some((c, j) => j > i && crosses(a, points[(i + 1) % points.length], c, points[(j + 1) % points.length])))) found.push(`${name || 'What is cut out'} crosses itself.`);
     if (kind === 'crack' && !zones().some(zone => points.some(p => inside(p, cornersOf(zone))) || !zones().length)) found.push(`${name} lies beside every zone.`);
   }
-  const scale = shapes.find(shape => shape.kind === 'scale');
-  if (scale && !scaleOf()) found.push('The scale needs its length in mm.');
+  if (shapes.some(shape => shape.kind === 'scale' && !(shape.mm > 0))) found.push('The scale needs its length in mm.');
+  if (marks().some(shape => !isPlaced(shape))) found.push('A known point needs its place in mm.');
+  if (marks().length && marks().length < 4) found.push('Four known points tell how the plane stands, or one length the scale.');
+  if (marks().length && scales().length) found.push('The known points hold the scale: the length is not written.');
   const between = joint();
   if (between && !scaleOf()) found.push('The joint needs the scale: drag a length that you know.');
   if (between && !(between.gap > 0)) found.push('The two zones overlap: between them there is no room for an adhesive.');
-  if (between && !(settings.e > 0 && settings.phi > 0 && settings.dn > 0 && settings.dt > 0)) found.push('The values of the joint have to be positive.');
+  const asked = Object.keys(FIELDS).filter(isOwn);
+  if (between && asked.some(key => settings[key] === null)) found.push('The joint needs all its values: stiffness of the strips, and a law to start from.');
+  else if (between && asked.some(key => !(settings[key] > 0 || (key === 'nu' && settings.nu === 0)))) found.push('The values of the joint have to be positive.');
   if (!data.deformed.length && !(settings.given.images || {}).deformed) found.push('No deformed images were named: add `deformed` to the case file.');
   if (lost.length) found.push(`What is written from here does not have these of the case file that was read: ${lost.join(', ')}.`);
   if (data.case_folder) found.push(`The case file that was read is in ${data.case_folder}: file names in it are relative to that folder.`);
@@ -304,7 +325,7 @@ function draw() {
     stroke([a, b, d, c], true, '#e69f00', 2, true);
     // The normal: from the first zone to the second.
     stroke([middle([a, b]), middle([c, d])], false, '#e69f00', 3);
-    letters(mm ? `adhesive, ${(between.gap * mm.mm / mm.px).toPrecision(3)} mm` : `adhesive, ${number(between.gap)} px`, middle([c, d]), '#e69f00');
+    letters(mm ? `adhesive, ${(between.gap * mm.perPx).toPrecision(3)} mm` : `adhesive, ${number(between.gap)} px`, middle([c, d]), '#e69f00');
   }
   const brushed = ({ points, width }, colour) => {
     pen.beginPath();
@@ -318,7 +339,7 @@ function draw() {
     stroke(corners, isClosed(shape.kind), colour, k === chosen ? 3 : 2, isClosed(shape.kind));
     if (shape.kind === 'roi') grid(shape, ratio);
     if (k === chosen || !isClosed(shape.kind)) handles(corners, colour);
-    const words = shape.kind === 'scale' ? (shape.mm > 0 ? `${number(shape.mm)} mm` : 'scale') : shape.kind === 'exclude' ? 'cut out' : shape.name;
+    const words = shape.kind === 'scale' ? (shape.mm > 0 ? `${number(shape.mm)} mm` : 'scale') : shape.kind === 'mark' ? (isPlaced(shape) ? `${shape.place.map(number).join(', ')} mm` : 'mm?') : shape.kind === 'exclude' ? 'cut out' : shape.name;
     letters(words, corners[0], colour);
   });
   if (path) {
@@ -342,7 +363,7 @@ const say = words => { at('readout').textContent = words; };
 function tell(p) {
   const mm = scaleOf(), where = `x ${p[0].toFixed(1)}, y ${p[1].toFixed(1)} px`;
   const size = drag && drag.kind === 'brush' ? '' : drag && drag.kind === 'roi' ? (([a, b, c, d]) => `: ${c - a} x ${d - b} px`)(edges(drag.points)) : drag && drag.kind ? `: ${Math.hypot(drag.points[1][0] - drag.points[0][0], drag.points[1][1] - drag.points[0][1]).toFixed(1)} px` : '';
-  say(`${KINDS[tool] ? KINDS[tool].say : tool === 'select' ? 'Click to choose, drag a corner or the whole; Delete removes.' : 'Drag the view.'} (${where}${mm ? `, ${(p[0] * mm.mm / mm.px).toFixed(3)}, ${(p[1] * mm.mm / mm.px).toFixed(3)} mm` : ''}${size})`);
+  say(`${KINDS[tool] ? KINDS[tool].say : tool === 'select' ? 'Click to choose, drag a corner or the whole; Delete removes.' : 'Drag the view.'} (${where}${mm ? `, ${(p[0] * mm.perPx).toFixed(3)}, ${(p[1] * mm.perPx).toFixed(3)} mm` : ''}${size})`);
 }
 /** After every change: drawing, case file, faults, fields. */
 function changed() {
@@ -351,6 +372,8 @@ function changed() {
   at('name').disabled = !own || !KINDS[own.kind].name;
   at('length-label').hidden = !own || own.kind !== 'scale';
   if (own && own.kind === 'scale' && document.activeElement !== at('length')) at('length').value = own.mm || '';
+  at('mm-label').hidden = !own || own.kind !== 'mark';
+  if (own && own.kind === 'mark') ['mm-x', 'mm-y'].forEach((name, c) => { if (document.activeElement !== at(name)) at(name).value = own.place[c] ?? ''; });
   at('size').value = settings.size;
   at('brush-label').hidden = tool !== 'brush' && !(own && own.kind === 'brush');
   if (document.activeElement !== at('brush')) at('brush').value = own && own.kind === 'brush' ? own.width : settings.brush;
@@ -365,8 +388,9 @@ function changed() {
   at('joint-values').hidden = !joint();
   for (const key in FIELDS) {
     at(`joint-${key}`).disabled = !isOwn(key);
-    if (document.activeElement !== at(`joint-${key}`)) at(`joint-${key}`).value = isOwn(key) ? settings[key] : '';
+    if (document.activeElement !== at(`joint-${key}`)) at(`joint-${key}`).value = isOwn(key) ? settings[key] ?? '' : '';
   }
+  for (const { field, path: [name, key] } of keyed) if (document.activeElement !== field) field.value = (settings.given[name] || {})[key] ?? '';
   at('case').textContent = caseText();
   at('notes').replaceChildren(...faults().map(words => { const made = document.createElement('p'); made.className = 'lead'; made.textContent = words; return made; }));
   at('undo').disabled = !past.length;
@@ -455,6 +479,17 @@ at('name').addEventListener('change', event => {
   changed();
 });
 at('length').addEventListener('input', event => { const own = shapes[chosen]; if (own && own.kind === 'scale') { own.mm = Math.max(0, parseFloat(event.target.value) || 0); changed(); } });
+['mm-x', 'mm-y'].forEach((name, c) => at(name).addEventListener('input', event => { const own = shapes[chosen], mm = parseFloat(event.target.value); if (own && own.kind === 'mark') { own.place[c] = Number.isFinite(mm) ? mm : null; changed(); } }));
+/** Keys of the case file that have a field of their own: `[section] key`. */
+const keyed = [...document.querySelectorAll('[data-key]')].map(field => ({ field, path: field.dataset.key.split('.') }));
+for (const { field, path: [name, key] } of keyed) field.addEventListener('change', () => {
+  const value = field.type === 'number' ? parseFloat(field.value) : field.value.trim(), { given } = settings;
+  remember();
+  const { [key]: before, ...table } = given[name] || {};
+  if (value || value === 0) table[key] = value;
+  if (Object.keys(table).length) given[name] = table; else delete given[name];
+  changed();
+});
 at('size').addEventListener('change', event => { remember(); settings.size = Math.max(4, Math.min(128, Math.round(event.target.value) || 16)); changed(); });
 at('brush').addEventListener('change', event => {
   const own = shapes[chosen], width = Math.max(1, Math.min(Math.max(W, H), parseFloat(event.target.value) || settings.brush));
@@ -480,7 +515,7 @@ at('guard').addEventListener('change', event => {
 });
 at('opening').addEventListener('change', event => { remember(); settings.opening = event.target.checked; changed(); });
 at('joint').addEventListener('change', event => { remember(); settings.joint = event.target.checked; changed(); });
-for (const key in FIELDS) at(`joint-${key}`).addEventListener('change', event => { remember(); settings[key] = Math.max(0, parseFloat(event.target.value) || 0); changed(); });
+for (const key in FIELDS) at(`joint-${key}`).addEventListener('change', event => { remember(); const value = parseFloat(event.target.value); settings[key] = Number.isFinite(value) ? Math.max(0, value) : null; changed(); });
 at('copy').addEventListener('click', async () => {
   try { await navigator.clipboard.writeText(caseText()); say('Copied.'); } catch {
     const range = document.createRange();
@@ -528,7 +563,7 @@ function load(given) {
     rest[kind] = tables.filter(table => !can(table));
     if (!rest[kind].length) delete rest[kind];
   };
-  each('zone', zone => !(zone.roi && zone.polygon), (zone, name) => {
+  each('zone', zone => !(zone.roi && zone.polygon) && !zone.in_mm, (zone, name) => {
     const { roi, polygon, exclude = [], guard_px: guard = 0, mask = '' } = zone;
     const points = polygon || (roi ? [[edge(roi[0]), edge(roi[1])], [edge(roi[2]), edge(roi[3])]] : [[-.5, -.5], [W - .5, H - .5]]);
     add(polygon ? 'polygon' : 'roi', zone, name, points, { guard, mask });
@@ -538,6 +573,10 @@ function load(given) {
   for (const kind of ['extensometer', 'line']) each(kind, one => one.from && one.to, (one, name) => add(kind, one, name, [one.from, one.to]));
   each('probe', probe => Boolean(probe.point), (probe, name) => add('point', probe, name, [probe.point]));
   const { images = {}, correlation = {} } = rest, pixel = images.pixel_size_mm;
+  const { points = [], lengths = [], ...camera } = rest.camera || {};
+  points.forEach(([x, y, ...place]) => add('mark', {}, '', [[x, y]], { place }));
+  lengths.forEach(([x0, y0, x1, y1, mm]) => add('scale', { marked: true }, '', [[x0, y0], [x1, y1]], { mm }));
+  if (Object.keys(camera).length) rest.camera = camera; else delete rest.camera;
   settings.opening = Boolean(rest.opening);
   settings.joint = Boolean(rest.interface);
   if (correlation.element_size_px !== undefined) settings.size = correlation.element_size_px;

@@ -52,6 +52,7 @@ own.images.forEach(({ name }, k) => {
   if (k === own.image) made.className = 'shown';
   at('images').tBodies[0].append(made);
 });
+for (const kind in own.files) at(kind).append(...own.files[kind].map(name => { const made = element('option'); made.value = name; return made; }));
 at('masks').append(...own.images.map(({ name }) => { const made = element('option'); made.value = name; return made; }));
 const every = on => { own.images.forEach(({ name }) => { if (on) left.delete(name); else left.add(name); }); at('images').querySelectorAll('input[type=checkbox]').forEach(box => { box.checked = on; }); listed(); };
 at('all-images').addEventListener('click', () => every(true));
@@ -59,7 +60,7 @@ at('no-images').addEventListener('click', () => every(false));
 at('reread').addEventListener('click', () => { keep(); location.reload(); });
 
 // --- what lies on the image: the mesh that was checked, or the field of the last frame
-let mesh = null, bare = [], field = null, fieldMesh = null;
+let mesh = null, grid = null, bare = [], field = null, fieldMesh = null;
 const colours = Uint8Array.from(atob(own.colours), c => c.charCodeAt(0));
 const path = (pen, view, { nodes, elements }, k) => elements[k].forEach((n, c) => { const p = view.toCanvas([nodes[2 * n], nodes[2 * n + 1]]); if (c) pen.lineTo(...p); else pen.moveTo(...p); });
 drawing.under = (pen, view) => {
@@ -77,6 +78,7 @@ drawing.under = (pen, view) => {
     pen.globalAlpha = 1;
     return;
   }
+  if (grid && at('show-grid').checked) gridded(pen, view, ratio);
   if (!mesh || !at('show-mesh').checked) return;
   pen.beginPath();
   mesh.elements.forEach((corners, k) => { path(pen, view, mesh, k); pen.closePath(); });
@@ -88,13 +90,27 @@ drawing.under = (pen, view) => {
   }
   pen.lineWidth = 2 * ratio; pen.strokeStyle = '#d55e00'; pen.stroke();
 };
+/** How many times the camera's bending of its grid is drawn: a round number that makes it a thirtieth of the image. */
+const enlarged = () => { const most = Math.max(data.width, data.height) / 30 / grid.most_px, ten = 10 ** Math.floor(Math.log10(Math.max(1, most))); return ten * [5, 2, 1].find(n => n * ten <= Math.max(1, most)); };
+/** Lines that are straight and square on the specimen, as the camera bends them. */
+function gridded(pen, view, ratio) {
+  const times = enlarged();
+  pen.beginPath();
+  grid.plain.forEach((line, k) => {
+    for (let i = 0; i < line.length; i += 2) {
+      const p = view.toCanvas([0, 1].map(c => line[i + c] + times * (grid.seen[k][i + c] - line[i + c])));
+      if (i) pen.lineTo(...p); else pen.moveTo(...p);
+    }
+  });
+  pen.lineWidth = 1.5 * ratio; pen.strokeStyle = '#e69f00'; pen.stroke();
+}
 function range(values) {
   const sorted = values.filter(v => v !== null).sort((a, b) => a - b), cut = Math.floor(.005 * sorted.length);
   let low = sorted.length ? sorted[cut] : 0, high = sorted.length ? sorted[sorted.length - 1 - cut] : 1;
   if (!(high > low)) { low -= .5; high += .5; }
   return [low, high];
 }
-at('show-mesh').addEventListener('change', drawing.redraw);
+for (const name of ['show-mesh', 'show-grid']) at(name).addEventListener('change', drawing.redraw);
 
 // --- checks
 let asked = '', checking = false, running = false;
@@ -108,15 +124,18 @@ async function check() {
     const found = await ask('check', { case: text });
     if (text === drawing.caseText()) checked(found);
   } catch (error) {
-    if (text === drawing.caseText()) { mesh = null; at('zones').hidden = true; at('check-state').textContent = 'A run would be refused:'; lines('check-notes', [fault(error.message)]); drawing.redraw(); }
+    if (text === drawing.caseText()) { mesh = grid = null; at('grid-label').hidden = true; at('zones').hidden = true; at('check-state').textContent = 'A run would be refused:'; lines('check-notes', [fault(error.message)]); drawing.redraw(); }
   }
   checking = false;
   if (text !== drawing.caseText()) check();
 }
 function checked(found) {
-  mesh = found.mesh; bare = found.without_texture;
+  mesh = found.mesh; grid = found.grid; bare = found.without_texture;
+  at('grid-label').hidden = !grid;
   at('check-state').textContent = found.remarks.some(({ severity }) => severity === 'warning') ? 'A run would warn:' : 'Nothing stands in the way of a run.';
-  lines('check-notes', found.remarks);
+  const scale = found.pixel_size_mm ? `1 px = ${found.pixel_size_mm.toPrecision(6)} mm${found.pixel_size_relative_std ? ` +- ${(100 * found.pixel_size_relative_std).toPrecision(2)} %` : ''}` : 'a scale is missing';
+  const bent = grid ? [{ text: `Camera: ${scale}; it moves points by up to ${grid.most_px.toPrecision(2)} px, drawn ${enlarged()} times.` }] : [];
+  lines('check-notes', [...bent, ...found.remarks]);
   at('zones').hidden = false;
   const both = ([x, y], digits) => `${x.toFixed(digits)}, ${y.toFixed(digits)}`;
   at('zones').tBodies[0].replaceChildren(...found.zones.map(({ name, elements, nodes, without_texture, sigma_px, look }) => row([name, elements, nodes, without_texture,

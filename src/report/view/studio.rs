@@ -17,6 +17,8 @@ pub struct Studio<'a> {
     pub drawing: Drawing<'a>,
     /// The images of the folder in order: each with `name` and `pattern`.
     pub images: Value,
+    /// Names of other files in the folder that a case may name: `loads`, `cameras`.
+    pub files: Value,
     /// The number of the one that is shown, from 0.
     pub image: usize,
     /// Why it cannot be.
@@ -35,6 +37,7 @@ impl Studio<'_> {
         let mut data = self.drawing.data();
         data["studio"] = json!({
             "images": self.images,
+            "files": self.files,
             "image": self.image,
             "fault": self.fault,
             "case": self.case,

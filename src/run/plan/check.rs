@@ -2,6 +2,7 @@
 //! to its folder.
 
 use crate::backend::choice::{Device, DeviceChoice};
+use crate::camera::CameraGrid;
 use crate::correlate::prepare;
 use crate::imaging::Saturation;
 use crate::io::case::CrackPath;
@@ -30,6 +31,8 @@ pub struct Checked {
     pub without_texture: Vec<usize>,
     /// What a run would say of reference and zones.
     pub remarks: Vec<Remark>,
+    /// The plane as the camera sees it; none of a plain one.
+    pub grid: Option<CameraGrid>,
 }
 
 /// A zone of it.
@@ -59,6 +62,7 @@ pub fn check(plan: &Plan, pool: &ThreadPool) -> Result<Checked> {
     let mut plan = plan.clone();
     plan.drawn.cracks.retain(|crack| crack.path != CrackPath::Auto);
     let Reference { image, mut remarks, .. } = Reference::of(&plan)?;
+    let camera = plan.camera.clone().unwrap_or_default().camera([image.width(), image.height()])?;
     // Masks of zones that are found would lie there; nothing is written here.
     let Zones { mut zones, remarks: of_zones, .. } = pool.install(|| Zones::of(&mut plan, &image, Path::new("")))?;
     let image = Arc::new(image);
@@ -107,6 +111,7 @@ pub fn check(plan: &Plan, pool: &ThreadPool) -> Result<Checked> {
         elements: mesh.elements().to_vec(),
         remarks,
         without_texture,
+        grid: camera.grid(),
     })
 }
 

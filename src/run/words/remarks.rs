@@ -2,10 +2,9 @@
 //! [`crate::run::words::doubts`].
 
 use crate::backend::BackendError;
-use crate::camera::{Rectifier, USUAL_DISTORTION};
+use crate::camera::{Rectifier, USUAL_DISTANCE, USUAL_DISTORTION};
 use crate::correlate::{BareBorder, Correlation, NoiseColour, Reference, StartUsed, TextureFault, UpdateRefused};
 use crate::field::Status;
-
 use crate::imaging::{GreyDepth, Image, Levels, OddLevels, Saturation};
 use crate::io::case::{CaseCamera, CaseZone};
 use crate::io::images::Foreign;
@@ -15,7 +14,7 @@ use crate::io::text::shell_word;
 use crate::mechanics::PathEnd;
 use crate::remark::{About, Code, Remark};
 use crate::report::saturated;
-use crate::report::summary::FrameSummary;
+use crate::report::summary::{FrameSummary, STILL};
 use crate::run::words::{chain, plural, ranges};
 use std::path::{Path, PathBuf};
 
@@ -25,7 +24,41 @@ pub(crate) fn of_camera(
     camera_of_case: Option<&CaseCamera>,
     frames: &[FrameSummary],
 ) -> impl Iterator<Item = Remark> {
-    [of_lens(camera, camera_of_case, frames), of_other_day(camera_of_case, frames)].into_iter().flatten()
+    let said = [
+        of_lens(camera, camera_of_case, frames),
+        of_other_day(camera_of_case, frames),
+        of_scale(camera_of_case, frames),
+    ];
+    said.into_iter().flatten()
+}
+
+/// A strain that may as well be a change of the distance, of which nothing is stated.
+fn of_scale(camera_of_case: Option<&CaseCamera>, frames: &[FrameSummary]) -> Option<Remark> {
+    /// In changes of the distance that are usual, and in the budget of every interval.
+    const MORE: f64 = 3.0;
+    let is_stated = |camera: &CaseCamera| {
+        camera.still.is_some()
+            || camera.telecentric == Some(true)
+            || camera.distance_std.is_some()
+            || camera.exact == Some(true)
+    };
+    if camera_of_case.is_some_and(is_stated) {
+        return None;
+    }
+    let strains = frames.iter().filter(|frame| frame.status.is_measured()).filter_map(|frame| {
+        let is_of_ground = frame.zones.iter().any(|zone| zone.name == STILL);
+        Some((frame.uniform_strain?, frame.number, is_of_ground))
+    });
+    let (strain, number, is_of_ground) = strains.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))?;
+    let what = if is_of_ground { format!("the zone '{STILL}'") } else { "all that is measured".to_owned() };
+    let text = format!(
+        "{what} seems to grow by {:.0} microstrain alike in all directions (frame {number}): heat or two equal loads, or a \
+         distance to the camera that changed by as much; name zones that do not deform in `[camera] still`, or state \
+         `distance_std`",
+        1e6 * strain
+    );
+    let remark = Remark::new(Code::ScaleChanged, About::Run, text).with("strain", strain);
+    (strain.abs() > MORE * USUAL_DISTANCE).then(|| remark.with("frame", number as f64))
 }
 
 /// What a usual lens adds to a series whose camera is not stated: only where it is more than the noise of a node.

@@ -128,11 +128,34 @@ pub fn scale_of_lengths(camera: &Camera, lengths: &[MarkedLength], std_px: f64) 
 /// # Errors
 /// Images without pixels.
 pub fn unknown_plane(image_size_px: [usize; 2]) -> Result<Camera, CameraError> {
-    let half = 0.5 * (image_size_px[0] as f64).hypot(image_size_px[1] as f64);
     let mut std = [0.0; PARAMETERS.len()];
-    (std[0], std[7], std[8]) = (super::USUAL_DISTORTION, TILT / half, TILT / half);
-    (std[9], std[10]) = (STRETCH, STRETCH);
-    Camera::new(CameraShape { covariance: Covariance::of_std(&std), ..CameraShape::plain(image_size_px) })
+    std[0] = super::USUAL_DISTORTION;
+    let covariance = Covariance::of_std(&std);
+    with_unknown_plane(&Camera::new(CameraShape { covariance, ..CameraShape::plain(image_size_px) })?)
+}
+
+/// The same camera before a plane that may stand in any usual way, as far as nothing is stated of it.
+///
+/// # Errors
+/// None of a camera that is one.
+pub fn with_unknown_plane(camera: &Camera) -> Result<Camera, CameraError> {
+    let shape = camera.shape();
+    let half = 0.5 * (shape.image_size_px[0] as f64).hypot(shape.image_size_px[1] as f64);
+    let usual = [(7, TILT / half), (8, TILT / half), (9, STRETCH), (10, STRETCH)];
+    let (known, matrix) = (&shape.covariance.of, &shape.covariance.matrix);
+    let open = usual.into_iter().filter(|(k, _)| !known.contains(k) && shape.theta[*k] == 0.0);
+    // Each parameter with its row in the covariance, or its own standard deviation.
+    let rows = known.iter().enumerate().map(|(row, &k)| (k, Ok(row)));
+    let mut all: Vec<(usize, Result<usize, f64>)> = rows.chain(open.map(|(k, std)| (k, Err(std)))).collect();
+    all.sort_by_key(|(k, _)| *k);
+    let entry = |a: &(usize, Result<usize, f64>), b: &(usize, Result<usize, f64>)| match (a.1, b.1) {
+        (Ok(row), Ok(column)) => matrix[row][column],
+        (Err(std), Err(_)) if a.0 == b.0 => std * std,
+        _ => 0.0,
+    };
+    let matrix = all.iter().map(|a| all.iter().map(|b| entry(a, b)).collect()).collect();
+    let covariance = Covariance { of: all.iter().map(|(k, _)| *k).collect(), matrix };
+    Camera::new(CameraShape { covariance, ..shape.clone() })
 }
 
 /// The plane that points with known places are in, marked to `std_px`; `camera` is what is known before, with its

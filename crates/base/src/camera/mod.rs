@@ -8,6 +8,7 @@
 pub mod calibrate;
 mod even_noise;
 mod field;
+mod grid;
 pub mod marked;
 mod model;
 mod pose;
@@ -17,6 +18,7 @@ pub mod target;
 mod term;
 
 pub use field::Rectifier;
+pub use grid::CameraGrid;
 pub use model::Camera;
 pub use shape::{CameraError, CameraShape, Covariance, PARAMETERS, Theta, USUAL_DISTANCE, USUAL_DISTORTION};
 pub use still::StillMotion;

@@ -71,3 +71,33 @@ impl RigidMotion {
         }
     }
 }
+
+/// The strain of a field that is alike in all directions and at all places, as of a scale that changed, an expansion by
+/// heat, two equal loads; `None` where a fifth of it or more is something else, noise included.
+///
+/// ```
+/// # use quadrille_base as quadrille;
+/// use quadrille::field::uniform_strain;
+/// let points = [[0.0, 0.0], [100.0, 0.0], [0.0, 100.0], [100.0, 100.0]];
+/// let field = |[a, b]: [f64; 2]| uniform_strain(points.iter().map(move |&[x, y]| ([x, y], [a * x + 3.0, b * y])));
+/// assert!((field([1e-3, 1e-3]).unwrap() - 1e-3).abs() < 1e-12);
+/// assert_eq!(field([1e-3, -3e-4]), None); // pulled along x
+/// ```
+pub fn uniform_strain(points_and_displacements: impl Iterator<Item = ([f64; 2], [f64; 2])> + Clone) -> Option<f64> {
+    /// How many times the strain's own displacement is what else there is.
+    const CLEAR: f64 = 5.0;
+    let RigidMotion { centre, translation, rotation_rad } = RigidMotion::fit(points_and_displacements.clone())?;
+    let (sin, cos) = rotation_rad.sin_cos();
+    let (mut size, mut along, mut moved) = (0.0, 0.0, 0.0);
+    for (x, u) in points_and_displacements {
+        let a = [x[0] - centre[0], x[1] - centre[1]];
+        let b = [a[0] + u[0] - translation[0], a[1] + u[1] - translation[1]];
+        let turned = [cos * a[0] - sin * a[1], sin * a[0] + cos * a[1]];
+        size += a[0] * a[0] + a[1] * a[1];
+        along += turned[0] * b[0] + turned[1] * b[1];
+        moved += b[0] * b[0] + b[1] * b[1];
+    }
+    let strain = along / size - 1.0;
+    let left = (moved - along * along / size).max(0.0);
+    (strain * strain * size > CLEAR * CLEAR * left).then_some(strain)
+}

@@ -91,6 +91,10 @@ codes! {
             "The distance from the camera to the specimen changed."
             "The zones of `[camera] still` are seen larger or smaller, by more than noise. It is taken off."
             "Nothing. Large changes come of a specimen or a camera that moves along the line of sight; a longer distance helps.";
+        ScaleChanged "scale-changed" Note
+            "All that is measured seems to grow, or to shrink, alike in all directions."
+            "Heat and two equal loads do that. So does a distance to the camera that changed, which no image tells apart."
+            "Name zones that do not deform in `[camera] still`, or say with `distance_std` by how much the distance may change.";
         StillZones "still-zones" Warning
             "Zones that should stay as they are do not, or are not measured."
             "The zones of `[camera] still` are strained by more than noise, or too few of their nodes are measured."

@@ -1,6 +1,9 @@
 //! The camera of a case, and the files that hold one.
 
 use super::{CaseError, over, parse_case};
+use crate::camera::marked::{
+    MarkedError, MarkedLength, MarkedPoint, Scaled, camera_of_points, scale_of_lengths, with_unknown_plane,
+};
 use crate::camera::{Camera, CameraError, CameraShape, Covariance, PARAMETERS, USUAL_DISTANCE, USUAL_DISTORTION};
 use crate::opencv::{OpencvError, parse_opencv};
 use crate::text::{read_file, text_of};
@@ -9,6 +12,9 @@ use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
+
+/// Standard uncertainty of a mark where none is stated, px: a click on a screen.
+const MARK_STD_PX: f64 = 0.5;
 
 /// How the camera sees the plane of the specimen (docs/theory/22-camera.md). With it strains, and all that is in mm,
 /// are those of the plane; what is in px stays as the images show it.
@@ -89,6 +95,17 @@ pub struct CaseCamera {
     /// (shift, turn, scale) is the camera's, and is taken off each frame; `distance_std` is then not needed.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub still: Option<Vec<String>>,
+    /// Points whose place is known, four or more: `[x, y, X, Y]`, px in the reference image and mm along any axes of the
+    /// plane. They give `tilt_per_px`, `stretch` and `pixel_size_mm`, with their uncertainty.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub points: Option<Vec<[f64; 4]>>,
+    /// Lengths that are known: `[x0, y0, x1, y1, mm]`, the ends in px. They give `pixel_size_mm`.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub lengths: Option<Vec<[f64; 5]>>,
+    /// Standard uncertainty of where such a point or end was marked, px.
+    #[schemars(extend("default" = 0.5, "x-implied" = true))]
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub mark_std_px: Option<f64>,
 }
 
 /// Why a camera cannot be taken.
@@ -134,18 +151,78 @@ pub enum CaseCameraError {
     /// The numbers are no camera.
     #[error("[camera]: {0}")]
     Camera(#[from] CameraError),
+    /// The points or lengths are of no use.
+    #[error("[camera]: {0}")]
+    Marked(#[from] MarkedError),
 }
 
 impl CaseCamera {
-    /// With the numbers of its file in the place of its name, which starts at the folder `base`.
+    /// With numbers in the place of its file, which starts at the folder `base`, and of its points or lengths.
     ///
     /// # Errors
-    /// A file that cannot be read, or holds no camera.
+    /// A file that cannot be read, or holds no camera; points or lengths that are of no use.
     pub fn resolved(&self, base: &Path) -> Result<Self, CaseCameraError> {
-        let Some(name) = &self.file else { return Ok(self.clone()) };
+        let Some(name) = &self.file else { return self.without_marks() };
         let of_file = read_camera(&base.join(name))?;
         let own = Self { file: None, ..self.clone() };
-        over(&own, &of_file).map_err(|what| CaseCameraError::Key { key: "file", what })
+        over(&own, &of_file).map_err(|what| CaseCameraError::Key { key: "file", what })?.without_marks()
+    }
+
+    /// With the numbers that points or lengths give in their place.
+    fn without_marks(&self) -> Result<Self, CaseCameraError> {
+        let key = |key, what: &str| CaseCameraError::Key { key, what: what.to_owned() };
+        let unmarked = Self { points: None, lengths: None, mark_std_px: None, ..self.clone() };
+        let kind = match (&self.points, &self.lengths) {
+            (None, None) => return Ok(unmarked),
+            (Some(_), _) => "points",
+            (None, Some(_)) => "lengths",
+        };
+        let size =
+            self.image_size_px.ok_or_else(|| key(kind, "give image_size_px with them, of the image they are in"))?;
+        if self.pixel_size_mm.is_some() {
+            return Err(key(kind, "they give the size of a pixel, and pixel_size_mm is given as well; take one away"));
+        }
+        let before = Self { exact: None, ..unmarked.clone() }.camera(size)?;
+        // A telecentric camera sees no perspective.
+        let is_open = self.points.is_some() && self.telecentric != Some(true);
+        let before = if is_open { with_unknown_plane(&before)? } else { before };
+        let Some(Scaled { camera, pixel_size_mm, relative_std, .. }) = self.scaled(&before)? else {
+            return Ok(unmarked);
+        };
+        let found = Self {
+            pixel_size_mm: Some(pixel_size_mm),
+            pixel_size_relative_std: Some(relative_std),
+            distance_std: self.distance_std,
+            still: self.still.clone(),
+            exact: self.exact,
+            taken: self.taken.clone(),
+            telecentric: self.telecentric,
+            ..Self::of(&camera)
+        };
+        Ok(found)
+    }
+
+    /// The plane and scale that its points or lengths give to `camera`; nothing where it has none.
+    ///
+    /// # Errors
+    /// Both kinds, and what is of no use.
+    pub fn scaled(&self, camera: &Camera) -> Result<Option<Scaled>, CaseCameraError> {
+        let std = self.mark_std_px.unwrap_or(MARK_STD_PX);
+        let point = |&[x, y, a, b]: &[f64; 4]| MarkedPoint { px: [x, y], mm: [a, b] };
+        let length = |&[a, b, c, d, mm]: &[f64; 5]| MarkedLength { ends: [[a, b], [c, d]], mm };
+        match (&self.points, &self.lengths) {
+            (None, None) => Ok(None),
+            (Some(points), None) => {
+                Ok(Some(camera_of_points(camera, &points.iter().map(point).collect::<Vec<_>>(), std)?))
+            }
+            (None, Some(lengths)) => {
+                Ok(Some(scale_of_lengths(camera, &lengths.iter().map(length).collect::<Vec<_>>(), std)?))
+            }
+            (Some(_), Some(_)) => Err(CaseCameraError::Key {
+                key: "points",
+                what: "lengths are given as well; points hold the lengths between them: give one kind".to_owned(),
+            }),
+        }
     }
 
     /// The section of a camera.
@@ -343,6 +420,30 @@ mod tests {
         refused("[camera]\nfile = 'other.toml'", "no section [camera] with numbers");
         refused("[images]", "no section [camera] with numbers");
         refused("[camera]\nlense = 1", "lense");
+    }
+
+    #[test]
+    fn points_and_lengths_become_numbers_and_what_they_cannot_be_is_named() {
+        let marked = |text: &str| parse(&format!("[camera]\n{text}")).unwrap().resolved(Path::new(""));
+        let found = marked("image_size_px = [640, 480]\nlengths = [[100, 100, 500, 100, 20]]\nexact = true").unwrap();
+        assert_eq!((found.lengths.as_ref(), found.exact), (None, Some(true)));
+        assert!((found.pixel_size_mm.unwrap() - 0.05).abs() < 1e-12);
+        // Both ends off by half a pixel.
+        let relative = found.pixel_size_relative_std.unwrap();
+        assert!((relative - 0.5 * 2f64.sqrt() / 400.0).abs() < 1e-5, "{relative}");
+        let square = "points = [[100, 100, 0, 0], [500, 100, 20, 0], [500, 400, 20, 15], [100, 400, 0, 15]]";
+        let found = marked(&format!("image_size_px = [640, 480]\ndistance_std = 0\n{square}")).unwrap();
+        assert_eq!(found.covariance_of.as_ref().map(Vec::len), Some(5), "k1, tilts, stretch and shear");
+        assert!((found.pixel_size_mm.unwrap() - 0.05).abs() < 1e-6 && found.distance_std == Some(0.0));
+        let refused = |text: &str, part: &str| {
+            let said = marked(text).unwrap_err().to_string();
+            assert!(said.contains(part), "{text}: {said}");
+        };
+        refused(square, "points: give image_size_px");
+        refused(&format!("image_size_px = [640, 480]\npixel_size_mm = 0.05\n{square}"), "take one away");
+        refused(&format!("image_size_px = [640, 480]\nlengths = [[0, 0, 1, 1, 1]]\n{square}"), "give one kind");
+        refused("image_size_px = [640, 480]\npoints = [[1, 1, 0, 0]]", "four or more");
+        refused("image_size_px = [640, 480]\nlengths = []", "four or more, or one length");
     }
 
     #[test]
