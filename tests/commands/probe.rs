@@ -19,7 +19,9 @@ fn table(desk: &Desk, name: &str) -> Vec<BTreeMap<String, String>> {
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
     let rows: Vec<BTreeMap<String, String>> = reader.deserialize().map(|row| row.unwrap()).collect();
     for (column, cell) in rows.iter().flatten() {
-        if !["status", "point", "line", "extensometer", "opening", "zone"].contains(&column.as_str()) {
+        if !["status", "point", "line", "extensometer", "region", "opening", "zone", "of", "quantity"]
+            .contains(&column.as_str())
+        {
             assert!(cell.is_empty() || cell.parse::<f64>().is_ok_and(f64::is_finite), "{name}, {column}: {cell}");
         }
     }
@@ -61,6 +63,44 @@ fn points_of_a_run_are_those_of_its_tables() {
     let text = desk.read("out/quantities/points.csv");
     assert!(text.contains("strain: hencky") && text.contains("load file: load.txt"), "{text}");
     assert!(text.contains("# load_N: kN in the load file, times 1000\n"), "{text}");
+}
+
+#[test]
+fn a_region_is_a_rectangle_a_polygon_or_a_zone_and_says_how_much_of_it_is_measured() {
+    let desk = Desk::with_series();
+    desk.write(
+        "regions.toml",
+        format!(
+            "{ZONES}[[region]]\nzone = 'upper'\n[[region]]\nroi = [40, 56, 140, 76]\n[[region]]\nname = 'three'\n\
+             polygon = [[20, 50], [100, 50], [60, 78]]\n"
+        ),
+    );
+    desk.correlate("--case regions.toml --output out ref.png a.png").fine();
+    let rows = table(&desk, "out/quantities/regions.csv");
+    let names: Vec<_> = rows.iter().map(|row| row["region"].as_str()).collect();
+    assert_eq!(names, ["upper", "region2", "three"]);
+    for (row, measured) in rows.iter().zip([100.0, 71.5, 100.0]) {
+        // a.png moved by a quarter of a pixel along x.
+        assert!((number(row, "ux_px") - 0.25).abs() < 4.0 * number(row, "sigma_ux_px") + 0.005, "{row:?}");
+        assert!(number(row, "least_exx") < number(row, "exx") && number(row, "exx") < number(row, "largest_exx"));
+        assert!(
+            number(row, "spread_ux_px") > number(row, "sigma_ux_px"),
+            "the noise of a mean is less than that of nodes"
+        );
+        assert!((number(row, "measured_percent") - measured).abs() < 2.0, "{row:?}");
+    }
+    let alone = desk.run("probe out --region 40,56,140,76 --curves").fine();
+    assert!(alone.stderr.contains("tables in out/quantities"), "{alone}");
+    assert_eq!(number(&table(&desk, "out/quantities/regions.csv")[0], "ux_px"), number(&rows[1], "ux_px"));
+    assert!(desk.path("out/curves").is_dir());
+    for (section, part) in [
+        ("zone = 'lowest'", "there is no zone 'lowest'; the zones are upper, lower"),
+        ("zone = 'lower'\nroi = [0, 0, 9, 9]", "give one of roi, polygon and zone"),
+        ("roi = [5, 5, 5, 9]", "a region has no area"),
+    ] {
+        desk.write("wrong.toml", format!("{ZONES}[[region]]\n{section}\n"));
+        desk.run("probe out --case wrong.toml").refused(&[part]);
+    }
 }
 
 #[test]
@@ -216,6 +256,39 @@ fn a_run_draws_what_its_case_asks_for() {
     case("");
     desk.correlate("--case cases/run.toml --output out --overwrite").fine();
     assert!(!desk.path("out/quantities").exists());
+}
+
+#[test]
+fn quantities_have_a_rate_a_strain_through_the_thickness_and_begin_at_the_reference() {
+    let desk = Desk::with_series();
+    desk.correlate(&format!("{INSIDE} --output out ref.png a.png b.png c.png")).fine();
+    let words =
+        "probe out --point 48,48 --extensometer 30,40,90,40 --rate-window 2 --poisson 0.3 --strain infinitesimal";
+    desk.run(words).refused(&["--rate-window needs the times of the frames"]);
+    // Moved by a quarter of a pixel in each of three frames, half a second apart.
+    desk.run(&format!("{words} --frame-interval 0.5 --curves")).fine();
+    let rows = table(&desk, "out/quantities/rates.csv");
+    let of_ux: Vec<_> = rows.iter().filter(|row| row["quantity"] == "ux_px").collect();
+    assert_eq!(of_ux.len(), 3);
+    for (k, row) in of_ux.iter().enumerate() {
+        assert_eq!((row["of"].as_str(), number(row, "time_s")), ("point1", 0.5 * (k + 1) as f64));
+        assert!((number(row, "rate_per_s") - 0.5).abs() < 4.0 * number(row, "sigma_rate_per_s") + 0.01, "{row:?}");
+        assert!((number(row, "smooth") - 0.25 * (k + 1) as f64).abs() < 0.02, "{row:?}");
+    }
+    assert!(rows.iter().any(|row| row["of"] == "extensometer1" && row["quantity"] == "strain_engineering"));
+    for row in table(&desk, "out/quantities/points.csv") {
+        let sum = number(&row, "exx") + number(&row, "eyy");
+        assert!((number(&row, "ezz") + 0.3 / 0.7 * sum).abs() < 1e-12 && number(&row, "sigma_ezz") > 0.0, "{row:?}");
+        assert_eq!(number(&row, "time_s"), 0.5 * number(&row, "frame"));
+    }
+    let files = desk.files("out/curves");
+    assert!(files.iter().any(|file| file.ends_with("point1-ux_px_per_s-against-time_s.svg")), "{files:?}");
+    assert!(desk.read("out/curves/point1-ux_px_per_s-against-time_s.svg").contains("ux rate (px/s)"));
+    for (flags, part) in
+        [("--frame-interval 0.5 --rate-window 0", "give seconds above 0"), ("--poisson 0.6", "from -1 to 0.5")]
+    {
+        desk.run(&format!("probe out --point 48,48 {flags}")).refused(&[part]);
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@ use common::*;
 use quadrille::correlate::Options;
 use quadrille::field::{
     Extensometer, Facing, Measurement, NodalNoise, PointFilter, PointValues, Quantities, QuantityError, Reading,
-    RemoveRigid, Segment, Status, StrainDefinition, StrainField, Value, at_point, remove_rigid,
+    Region, RemoveRigid, Segment, Status, StrainDefinition, StrainField, Value, at_point, remove_rigid,
 };
 use quadrille::io::load::{LoadTable, parse_load};
 use quadrille::io::quantities::{QuantityPlane, QuantityTables};
@@ -410,6 +410,40 @@ fn a_joint_around_corners_is_cut_there() {
 }
 
 #[test]
+fn a_region_of_a_linear_field_has_its_strain_and_the_displacement_of_its_middle() {
+    let field = field(grid(&[[16.0, 16.0, 208.0, 144.0]]), |_, [x, y]| [0.01 * x + 0.02 * y, 0.5 - 0.003 * y]);
+    let noise = noise_of(&field);
+    let read = |region: Region| region.read(&field, &noise, StrainDefinition::Infinitesimal).unwrap();
+    let of = read(Region::within(vec![[40.0, 30.0], [136.0, 30.0], [136.0, 94.0], [40.0, 94.0]]).unwrap());
+    let near = |a: f64, b: f64, what: &str| assert!((a - b).abs() < 1e-10, "{what}: {a}, {b}");
+    near(of.at[0], 88.0, "x");
+    near(of.at[1], 62.0, "y");
+    near(of.measured, 1.0, "share");
+    near(of.mean.displacement[0], 0.88 + 1.24, "ux");
+    near(of.mean.displacement[1], 0.5 - 0.186, "uy");
+    for (k, exact) in [0.01, -0.003, 0.01].into_iter().enumerate() {
+        let (strain, varies) = (of.mean.strain.unwrap().0.components()[k], of.strain.unwrap()[k]);
+        near(strain, exact, "strain");
+        near(varies.least, exact, "least");
+        near(varies.largest, exact, "largest");
+        near(varies.deviation, 0.0, "spread");
+    }
+    // Of a rectangle each direction gives its slope times the side over sqrt(12), but for the lattice of 4 px.
+    let exact = (0.01f64 * 96.0).hypot(0.02 * 64.0) / 12f64.sqrt();
+    assert!((of.spread[0] / exact - 1.0).abs() < 3e-3, "{} {exact}", of.spread[0]);
+    // The mean of 192 x 128 px is known far better than a node.
+    let whole = read(Region::of_zone(0));
+    assert!(whole.mean.sigma[0] < 0.1 * 0.01 && whole.measured == 1.0, "{:?}", whole.mean.sigma);
+    near(whole.at[0], 112.0, "middle of the zone");
+    // Half beside the mesh: the mean is of what is measured, and the share says so.
+    let half = read(Region::within(vec![[144.0, 32.0], [272.0, 32.0], [272.0, 96.0], [144.0, 96.0]]).unwrap());
+    near(half.measured, 0.5, "share");
+    near(half.at[0], 176.0, "x of the half");
+    let beside = Region::within(vec![[300.0, 30.0], [360.0, 30.0], [360.0, 90.0]]).unwrap();
+    assert_eq!(beside.read(&field, &noise, StrainDefinition::Infinitesimal), None);
+}
+
+#[test]
 fn wrong_quantities_are_refused() {
     let says = |error: QuantityError, wanted: &str| assert!(error.to_string().contains(wanted), "{error}");
     says(Segment::new([0.0, f64::NAN], [1.0, 1.0], 1.0).unwrap_err(), "a coordinate of a line is NaN");
@@ -419,6 +453,8 @@ fn wrong_quantities_are_refused() {
     says(Extensometer::new([0.0; 2], [0.0; 2], 0.0).unwrap_err(), "an extensometer from (0, 0) px to the same point");
     says(Extensometer::new([0.0; 2], [1.0, 0.0], -1.0).unwrap_err(), "the width of an extensometer is -1");
     says(Extensometer::new([0.0; 2], [f64::INFINITY, 0.0], 1.0).unwrap_err(), "is inf");
+    says(Region::within(vec![[0.0; 2], [1.0, 1.0], [2.0, 2.0]]).unwrap_err(), "a region has no area");
+    says(Region::within(vec![[0.0, f64::NAN], [1.0, 1.0], [2.0, 0.0]]).unwrap_err(), "a coordinate of a region is NaN");
     let error = "each".parse::<RemoveRigid>().unwrap_err().to_string();
     assert!(error.contains("`each`") && error.contains("all or zone"), "{error}");
 }
@@ -472,7 +508,18 @@ fn printed_uncertainty_of_quantities_is_their_scatter() {
             prepared(&noisy(&picture, NOISE, 2 * seed), &zones, Options { noise: noise.into(), ..Options::default() });
         let field = solved(&correlator, &noisy(&picture, NOISE, 2 * seed + 1));
         let noise = noise_of(&field);
-        for &[x, y] in &corners {
+        for (zone, &[x, y]) in corners.iter().enumerate() {
+            let part = [[8.0, 20.0], [80.0, 20.0], [60.0, 76.0], [8.0, 76.0]].map(|[a, b]| [x + a, y + b]);
+            let part = Region::within(part.to_vec()).unwrap();
+            for (what, region) in [("zone", Region::of_zone(zone)), ("part of a zone", part)] {
+                let region = region.read(&field, &noise, StrainDefinition::GreenLagrange).unwrap();
+                assert_eq!(region.measured, 1.0);
+                let (strain, sigma) = region.mean.strain.unwrap();
+                (0..2).for_each(|c| {
+                    found.add(&format!("mean, {what}"), region.mean.displacement[c], region.mean.sigma[c]);
+                });
+                (0..3).for_each(|k| found.add(&format!("mean strain {k}, {what}"), strain.components()[k], sigma[k]));
+            }
             let at = |what: &str, [dx, dy]: [f64; 2]| {
                 let there = at_point(&field, &noise, StrainDefinition::GreenLagrange, [x + dx, y + dy]).unwrap();
                 (what.to_owned(), there)
@@ -650,13 +697,11 @@ fn tables_hold_every_frame_with_units_definitions_and_empty_cells() {
     second.measured[0] = false;
     let quantities = Quantities {
         strain: StrainDefinition::Hencky,
-        window: None,
-        remove_rigid: None,
         points: vec![("inside".into(), [50.0, 50.0]), ("corner".into(), [24.0, 20.0]), ("gap".into(), [50.0, 110.0])],
         lines: vec![("down".into(), Segment::new([50.0, 90.0], [50.0, 130.0], 10.0).unwrap())],
         extensometers: vec![("along".into(), Extensometer::new([30.0, 50.0], [130.0, 50.0], 0.0).unwrap())],
         openings: vec![("joint".into(), Facing::between(&mesh, "z0", "z1").unwrap())],
-        cracks: Vec::new(),
+        ..Quantities::default()
     };
     let load = parse_load("load_N,time_s\n10,1\n20,2\n,3\n", Path::new("l.csv"), 3).unwrap();
     let (files, remarks, curves) = tables(&quantities, &load, &[Some(&first), Some(&second), None], true);
@@ -716,6 +761,12 @@ fn tables_hold_every_frame_with_units_definitions_and_empty_cells() {
     // Without a load file the frame is the abscissa.
     let (_, _, curves) = tables(&quantities, &LoadTable::default(), &[Some(&first)], false);
     assert!(curves.iter().all(|curve| curve.against == "frame"));
+    // At the reference, where all is zero, a curve begins; over a load where the file has that of the reference.
+    assert!(curves.iter().all(|curve| curve.x == [0.0, 1.0] && curve.y[0] == 0.0 && curve.sigma[0] == 0.0));
+    let with_rest = parse_load("load_N\n3\n10\n20\n30\n", Path::new("l.csv"), 3).unwrap();
+    let (_, _, curves) = tables(&quantities, &with_rest, &[Some(&first), Some(&second), None], false);
+    let opening = curves.iter().find(|c| c.name == "joint" && c.quantity == "opening_px").unwrap();
+    assert_eq!((opening.x[0], opening.x[1], opening.y[0]), (3.0, 10.0, 0.0));
 }
 
 #[test]

@@ -14,7 +14,7 @@ fn parse(text: &str, n_frames: usize) -> Result<LoadTable, LoadError> {
 #[track_caller]
 fn columns(text: &str, n_frames: usize) -> Vec<(String, Vec<Option<f64>>)> {
     let table = parse(text, n_frames).unwrap_or_else(|error| panic!("{error}"));
-    table.columns.into_iter().map(|LoadColumn { name, values }| (name, values)).collect()
+    table.columns.into_iter().map(|LoadColumn { name, values, .. }| (name, values)).collect()
 }
 
 /// The error, whose message names the file and says `wanted`.
@@ -252,7 +252,7 @@ fn units_in_a_line_of_their_own_are_understood_and_converted() {
         let table = parse(text, 2).unwrap_or_else(|error| panic!("{text:?}: {error}"));
         assert_eq!(
             table.columns[0],
-            LoadColumn { name: "Time_s".into(), values: vec![Some(0.5), Some(1.0)] },
+            LoadColumn { name: "Time_s".into(), values: vec![Some(0.5), Some(1.0)], reference: None },
             "{text:?}"
         );
         assert_eq!(table.columns[1].name, "Load_N", "{text:?}");

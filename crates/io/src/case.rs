@@ -37,7 +37,7 @@ pub use joint::{
 pub use law::{CaseCohesive, CaseExact, CaseMaterial, CaseSubstrate, EXACT, Kinematics, PlaneState, Quadrature, STD};
 pub use quantities::{
     CaseCrack, CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
-    CrackFlags, Decimal,
+    CaseRegion, CrackFlags, Decimal,
 };
 pub use reader::Reader;
 pub use schema::{CaseLaws, LawKey, LawKeys, case_reference, case_schema, schema_of};
@@ -95,6 +95,9 @@ pub struct CaseFile {
     /// Virtual extensometers: elongation and strain between two points, or two gauge lines across them.
     #[serde(rename = "extensometer", default, skip_serializing_if = "Vec::is_empty")]
     pub extensometers: Vec<CaseExtensometer>,
+    /// Regions: mean displacement and strain, and how they vary.
+    #[serde(rename = "region", default, skip_serializing_if = "Vec::is_empty")]
+    pub regions: Vec<CaseRegion>,
     /// Opening and sliding between two zones.
     #[serde(rename = "opening", default, skip_serializing_if = "Vec::is_empty")]
     pub openings: Vec<CaseOpening>,
@@ -159,7 +162,7 @@ impl CaseFile {
     pub fn drawn(&self) -> CaseQuantities {
         let path = |name: &String| self.resolve(name).display().to_string();
         let load = |load: &CaseLoad| CaseLoad {
-            file: path(&load.file),
+            file: if load.file.is_empty() { String::new() } else { path(&load.file) },
             frame_times: load.frame_times.as_ref().map(path),
             ..load.clone()
         };
@@ -169,6 +172,7 @@ impl CaseFile {
             probes: self.probes.clone(),
             lines: self.lines.clone(),
             extensometers: self.extensometers.clone(),
+            regions: self.regions.clone(),
             openings: self.openings.clone(),
             cracks: self.cracks.clone(),
         }
@@ -176,8 +180,8 @@ impl CaseFile {
 
     /// This case with other quantities.
     pub fn with_drawn(self, drawn: &CaseQuantities) -> Self {
-        let CaseQuantities { options, load, probes, lines, extensometers, openings, cracks } = drawn.clone();
-        Self { quantities: options, load, probes, lines, extensometers, openings, cracks, ..self }
+        let CaseQuantities { options, load, probes, lines, extensometers, regions, openings, cracks } = drawn.clone();
+        Self { quantities: options, load, probes, lines, extensometers, regions, openings, cracks, ..self }
     }
 }
 

@@ -29,6 +29,8 @@ pub struct LoadColumn {
     pub name: String,
     /// Its value at each deformed image, from frame 1 on; `None` where the file says nothing.
     pub values: Vec<Option<f64>>,
+    /// Its value at the reference, where the file has that.
+    pub reference: Option<f64>,
 }
 
 impl LoadColumn {
@@ -79,8 +81,16 @@ impl LoadTable {
         };
         self.remarks.push(remarks::stress(STRESS, &force.name, area_mm2));
         let values = force.values.iter().map(|value| value.map(|force| force / area_mm2)).collect();
-        self.columns.push(LoadColumn { name: STRESS.to_owned(), values });
+        let reference = force.reference.map(|force| force / area_mm2);
+        self.columns.push(LoadColumn { name: STRESS.to_owned(), values, reference });
         Ok(self)
+    }
+
+    /// The times of the frames: the column in s, of several that named `time`.
+    pub fn times(&self) -> Option<&LoadColumn> {
+        let is_time = |column: &&LoadColumn| column.name_and_unit().0.eq_ignore_ascii_case("time");
+        let in_seconds = || self.columns.iter().filter(|column| column.name_and_unit().1 == "s");
+        in_seconds().find(is_time).or_else(|| in_seconds().next().filter(|_| in_seconds().count() == 1))
     }
 
     /// The column in N; of several that named `load` or `force`.
@@ -177,14 +187,17 @@ fn load_of(source: &Source, path: &Path, n_frames: usize) -> Result<LoadTable, L
     let frames = table.frames(n_frames)?;
     let values = table.values()?;
     let columns = table.columns.iter().enumerate().map(|(k, name)| {
-        let mut of_frames = vec![None; n_frames];
+        let (mut of_frames, mut reference) = (vec![None; n_frames], None);
         for (frame, row) in frames.iter().zip(&values) {
-            let cell = frame.checked_sub(1).and_then(|at| of_frames.get_mut(at));
+            let cell = match frame.checked_sub(1) {
+                None => Some(&mut reference),
+                Some(at) => of_frames.get_mut(at),
+            };
             if let (Some(cell), Some(value)) = (cell, row.get(k)) {
                 *cell = *value;
             }
         }
-        LoadColumn { name: name.clone(), values: of_frames }
+        LoadColumn { name: name.clone(), values: of_frames, reference }
     });
     Ok(LoadTable { columns: columns.collect(), remarks: table.remarks.clone() })
 }

@@ -5,15 +5,17 @@
     reason = "writes the tables of a run: its points, lines and cracks are counted by the case, and what was drawn of a frame has as many"
 )]
 
+mod rates;
 mod still;
 
+use self::rates::{DEGREE, smooth};
 use self::still::{STILL, still_cells, still_remarks};
 use super::csv::{PX_COLUMNS, WINDOW_COLUMNS, WINDOW_MODEL_COLUMNS};
 use super::load::LoadTable;
 use crate::camera::{CameraTerm, Rectifier, StillMotion};
 use crate::field::{
     CrackLine, CrackTip, Curve, ElementMark, Elongation, FrameQuantities, Jump, Measurement, NodalNoise, OPEN_BY_SIGMA,
-    PointValues, Quantities, Status, StrainWindows, TensorStrain, TipState, Value,
+    PointValues, Quantities, RegionValues, Status, StrainWindows, TensorStrain, TipState, Value,
 };
 use crate::mesh::Mesh;
 use crate::plane::distance;
@@ -22,12 +24,23 @@ use crate::units::{PixelSize, Px};
 use std::io::{self, Write};
 
 /// Names of the tables.
-pub const QUANTITY_TABLES: [&str; 9] =
-    ["points", "lines", "extensometers", "openings", "openings_mean", "rigid_motions", "cracks", "crack_tips", "still"];
+pub const QUANTITY_TABLES: [&str; 11] = [
+    "points",
+    "lines",
+    "extensometers",
+    "regions",
+    "openings",
+    "openings_mean",
+    "rigid_motions",
+    "cracks",
+    "crack_tips",
+    "rates",
+    "still",
+];
 
 /// Writes the quantities of a series frame by frame, and keeps what is needed to draw them against load or time.
 ///
-/// Up to nine tables, those that are asked for: `points`, `lines`, `extensometers`, `openings` (a row for each point
+/// Those tables that are asked for: `points`, `lines`, `extensometers`, `regions`, `openings` (a row for each point
 /// of each joint), `openings_mean`, `rigid_motions`, `cracks` (a row for each place of each crack), `crack_tips`, and
 /// `still` where the camera has still zones. Every row begins with `frame,status` and the columns of the load file.
 /// Lengths are in px; with a pixel size every column
@@ -36,16 +49,19 @@ pub const QUANTITY_TABLES: [&str; 9] =
 pub struct QuantityTables<'a, W: Write> {
     quantities: &'a Quantities,
     load: &'a LoadTable,
-    tables: [Option<Table<W>>; 9],
+    tables: [Option<Table<W>>; QUANTITY_TABLES.len()],
     camera: Option<&'a Rectifier>,
     noise: Option<NodalNoise>,
     windows: Option<StrainWindows>,
     bound: bool,
+    n_references: usize,
     traces: Vec<Trace>,
     cracks: Vec<CrackHistory>,
     /// Of the fields, by their numbers, how the still zones seem to move.
     still: Vec<(usize, Option<StillMotion>)>,
     frames: Vec<usize>,
+    /// The first cells of their rows: number, status, loads.
+    keys: Vec<Vec<String>>,
     without_field: Vec<usize>,
     n_fields: usize,
     /// Fields in which a place had no value; points, lines, extensometers, openings, in order.
@@ -61,6 +77,8 @@ pub struct QuantityPlane<'a> {
     pub pixel_size: Option<PixelSize>,
     /// Its relative standard uncertainty.
     pub pixel_size_std: f64,
+    /// Images whose mean is the reference; 0 where it is not known, as 1.
+    pub n_references: usize,
 }
 
 /// What is left when all frames are written.
@@ -120,12 +138,13 @@ struct Drawn {
 }
 
 /// Columns that the uncertainty of the camera has a column for, beside the [`INVARIANTS`].
-const OF_CAMERA: [&str; 13] = [
+const OF_CAMERA: [&str; 14] = [
     "ux_px",
     "uy_px",
     "exx",
     "eyy",
     "exy",
+    "ezz",
     "exx_window",
     "eyy_window",
     "exy_window",
@@ -198,6 +217,21 @@ fn is_of_camera(column: &str) -> bool {
     OF_CAMERA.contains(&column) || (INVARIANTS.contains(&column) && !column.starts_with("sigma_"))
 }
 
+const THICKNESS: [&str; 2] = ["ezz", "sigma_ezz"];
+const RATES: [&str; 5] = ["time_s", "smooth", "sigma_smooth", "rate_per_s", "sigma_rate_per_s"];
+const VARIES: [&str; 11] = [
+    "spread_ux_px",
+    "spread_uy_px",
+    "spread_exx",
+    "least_exx",
+    "largest_exx",
+    "spread_eyy",
+    "least_eyy",
+    "largest_eyy",
+    "spread_exy",
+    "least_exy",
+    "largest_exy",
+];
 const LENGTHS: [&str; 3] = ["length_px", "elongation_px", "sigma_elongation_px"];
 const STRETCH: [&str; 4] = ["strain_engineering", "sigma_strain_engineering", "strain_true", "sigma_strain_true"];
 const JUMP: [&str; 4] = ["opening_px", "sigma_opening_px", "sliding_px", "sigma_sliding_px"];
@@ -223,10 +257,13 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         header: &[String],
         mut open: impl FnMut(&str) -> io::Result<W>,
     ) -> io::Result<Self> {
-        let QuantityPlane { camera, pixel_size, pixel_size_std } = plane;
+        let QuantityPlane { camera, pixel_size, pixel_size_std, n_references } = plane;
         let q = quantities;
         let window = if q.window.is_some() { [&WINDOW_COLUMNS[..], &WINDOW_MODEL_COLUMNS].concat() } else { vec![] };
-        let point = [&PX_COLUMNS[..], &MODEL, &STRAIN, &INVARIANTS, &window].concat();
+        let thickness = if q.poisson.is_some() { &THICKNESS[..] } else { &[] };
+        let point = [&PX_COLUMNS[..], &MODEL, &STRAIN, &INVARIANTS, thickness, &window].concat();
+        let region =
+            [&["measured_percent"][..], &PX_COLUMNS, &MODEL, &STRAIN, &INVARIANTS, thickness, &VARIES].concat();
         let opening = [&["along_px", "x_px", "y_px", "gap_px", "normal_x", "normal_y"][..], &JUMP].concat();
         let crack = [&["along_px", "x_px", "y_px", "normal_x", "normal_y"][..], &JUMP].concat();
         let has_tip = q.cracks.iter().any(|(_, crack)| crack.joined().next().is_some());
@@ -234,14 +271,16 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             (!q.points.is_empty(), vec!["point"], point.clone()),
             (!q.lines.is_empty(), vec!["line"], [&["along_px"][..], &point].concat()),
             (!q.extensometers.is_empty(), vec!["extensometer"], [&LENGTHS[..], &STRETCH].concat()),
+            (!q.regions.is_empty(), vec!["region"], region),
             (!q.openings.is_empty(), vec!["opening", "part"], opening),
             (!q.openings.is_empty(), vec!["opening"], JUMP.to_vec()),
             (q.remove_rigid.is_some(), vec!["zone"], RIGID.to_vec()),
             (!q.cracks.is_empty(), vec!["crack", "mark"], crack),
             (has_tip, vec!["crack", "end", "state"], [&TIP[..], &INTENSITY].concat()),
+            (q.rate_window_s.is_some(), vec!["of", "quantity"], RATES.to_vec()),
             (camera.is_some_and(Rectifier::has_still), vec![], STILL.to_vec()),
         ];
-        let mut tables = [const { None }; 9];
+        let mut tables = [const { None }; QUANTITY_TABLES.len()];
         for (k, (wanted, keys, columns)) in wanted.into_iter().enumerate() {
             if !wanted {
                 continue;
@@ -271,8 +310,10 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             tables[k] = Some(Table { out, columns, of_camera, mm: pixel_size, scale_std: pixel_size_std });
         }
         let of_points = PointValues::quantities(q.window).iter().map(|(quantity, _)| *quantity).collect::<Vec<_>>();
+        let of_means = PointValues::quantities(None).iter().map(|(quantity, _)| *quantity).collect::<Vec<_>>();
         let traced = (q.points.iter().map(|(name, _)| (name, of_points.clone())))
             .chain(q.extensometers.iter().map(|(name, _)| (name, Elongation::QUANTITIES.map(|named| named.0).to_vec())))
+            .chain(q.regions.iter().map(|(name, _)| (name, of_means.clone())))
             .chain(q.openings.iter().map(|(name, _)| (name, Jump::QUANTITIES.map(|named| named.0).to_vec())));
         let still = "still zones".to_owned();
         let of_still = camera.filter(|camera| camera.has_still()).map(|_| (&still, vec![STILL[0]]));
@@ -286,6 +327,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             .map(|(name, [x, y])| (format!("point '{name}' ({x}, {y}) px"), 0))
             .chain(q.lines.iter().map(|(name, _)| named("line", name)))
             .chain(q.extensometers.iter().map(|(name, _)| named("extensometer", name)))
+            .chain(q.regions.iter().map(|(name, _)| named("region", name)))
             .chain(q.openings.iter().map(|(name, _)| named("opening", name)))
             .chain(q.cracks.iter().map(|(name, _)| named("crack", name)))
             .collect();
@@ -297,10 +339,12 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             noise: None,
             windows: None,
             bound: regularised,
+            n_references: n_references.max(1),
             traces,
             cracks: q.cracks.iter().map(|(name, _)| CrackHistory { name: name.clone(), frames: Vec::new() }).collect(),
             still: Vec::new(),
             frames: Vec::new(),
+            keys: Vec::new(),
             without_field: Vec::new(),
             n_fields: 0,
             missing,
@@ -357,17 +401,18 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         if let [.., Some(table)] = &mut self.tables {
             table.row(&keys, whole, |_| still_cells(still).to_vec())?;
         }
+        self.keys.push(keys);
         Ok(whole.map(|drawn| drawn.values.clone()))
     }
 
     fn write(&mut self, keys: &[String], drawn: Option<&Drawn>, mesh: Option<&Mesh<Px>>) -> io::Result<()> {
         let q = self.quantities;
         let with = |names: &[&str]| [keys, &names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>()].concat();
-        let [points, lines, extensometers, openings, means, rigid, cracks, tips, _] = &mut self.tables;
+        let [points, lines, extensometers, regions, openings, means, rigid, cracks, tips, ..] = &mut self.tables;
         if let Some(table) = points {
             for (k, (name, at)) in q.points.iter().enumerate() {
                 table.row(&with(&[name]), drawn, |drawn| {
-                    point_cells(*at, drawn.and_then(|drawn| drawn.points[k]), q.window.is_some())
+                    point_cells(Some(*at), drawn.and_then(|drawn| drawn.points[k]), q, q.window.is_some())
                 })?;
             }
         }
@@ -376,7 +421,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                 for (i, (along, at)) in line.points().into_iter().enumerate() {
                     table.row(&with(&[name]), drawn, |drawn| {
                         let values = drawn.and_then(|drawn| drawn.lines[k][i]);
-                        [&[Some(along)][..], &point_cells(at, values, q.window.is_some())].concat()
+                        [&[Some(along)][..], &point_cells(Some(at), values, q, q.window.is_some())].concat()
                     })?;
                 }
             }
@@ -389,6 +434,11 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                     let of_it = Elongation::QUANTITIES.map(|(_, value)| pair(read.as_ref().map(value)));
                     [Some(distance(to, from))].into_iter().chain(of_it.into_iter().flatten()).collect()
                 })?;
+            }
+        }
+        if let Some(table) = regions {
+            for (k, (name, _)) in q.regions.iter().enumerate() {
+                table.row(&with(&[name]), drawn, |drawn| region_cells(drawn.and_then(|drawn| drawn.regions[k]), q))?;
             }
         }
         let at_joint =
@@ -453,6 +503,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             .map(Option::is_none)
             .chain(drawn.lines.iter().map(|line| line.iter().any(Option::is_none)))
             .chain(drawn.extensometers.iter().map(Option::is_none))
+            .chain(drawn.regions.iter().map(Option::is_none))
             .chain(drawn.openings.iter().map(|opening| opening.points.iter().any(Option::is_none)))
             .chain(drawn.cracks.iter().map(|crack| crack.points.iter().any(Option::is_none)));
         for ((_, n), lacks) in self.missing.iter_mut().zip(lacks) {
@@ -471,6 +522,10 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             let read = drawn.and_then(|drawn| drawn.extensometers[k]);
             values.extend(Elongation::QUANTITIES.map(|(_, value)| read.as_ref().map(value)));
         }
+        for k in 0..q.regions.len() {
+            let mean = drawn.and_then(|drawn| drawn.regions[k]).map(|region| region.mean);
+            values.extend(PointValues::quantities(None).iter().map(|(_, value)| mean.as_ref().and_then(value)));
+        }
         for k in 0..q.openings.len() {
             let mean = drawn.and_then(|drawn| drawn.openings[k].mean);
             values.extend(Jump::QUANTITIES.map(|(_, value)| mean.as_ref().map(value)));
@@ -481,22 +536,47 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         }
     }
 
+    /// Writes what quantities come to over time, and gives the rates as curves.
+    fn write_rates(&mut self) -> io::Result<Vec<Curve>> {
+        let [.., Some(table), _] = &mut self.tables else { return Ok(Vec::new()) };
+        let (Some(window), Some(clock)) = (self.quantities.rate_window_s, self.load.times()) else {
+            return Ok(Vec::new());
+        };
+        let times: Vec<Option<f64>> = self.frames.iter().map(|&frame| clock.at(frame)).collect();
+        let mut curves = Vec::new();
+        for trace in &self.traces {
+            let smoothed = smooth(&times, &trace.values, window, 1.0 / (1.0 + self.n_references as f64));
+            for (keys, (time, smooth)) in self.keys.iter().zip(times.iter().zip(&smoothed)) {
+                let [value, rate] = [0, 1].map(|k| pair(smooth.map(|smooth| [smooth.value, smooth.rate][k])));
+                let keys = [&keys[..], &[trace.name.clone(), trace.quantity.to_owned()]].concat();
+                table.row(&keys, None, |_| [&[*time][..], &value, &rate].concat())?;
+            }
+            let points = times.iter().zip(&smoothed).filter_map(|(t, smooth)| Some(((*t)?, smooth.map(|s| s.rate))));
+            curves.extend(Curve::new(&trace.name, &format!("{}_per_s", trace.quantity), &clock.name, points));
+        }
+        Ok(curves)
+    }
+
     /// Closes the tables; gives the curves and what has no value.
     pub fn finish(mut self) -> io::Result<QuantitySummary> {
+        let mut curves = self.write_rates()?;
         for table in self.tables.iter_mut().flatten() {
             table.out.flush()?;
         }
-        let mut curves = Vec::new();
         for trace in &self.traces {
-            let over = |against: &str, x: &dyn Fn(usize) -> Option<f64>| {
+            // At the reference, where all is zero, a curve begins.
+            let over = |against: &str, first: Option<f64>, x: &dyn Fn(usize) -> Option<f64>| {
+                let first =
+                    first.filter(|_| self.frames.first() == Some(&1) && trace.values.iter().any(Option::is_some));
+                let first = first.map(|x| (x, Some(Value { value: 0.0, sigma: 0.0 })));
                 let points = self.frames.iter().zip(&trace.values).filter_map(|(&f, v)| Some((x(f)?, *v)));
-                Curve::new(&trace.name, trace.quantity, against, points)
+                Curve::new(&trace.name, trace.quantity, against, first.into_iter().chain(points))
             };
             if self.load.columns.is_empty() {
-                curves.extend(over("frame", &|frame| Some(frame as f64)));
+                curves.extend(over("frame", Some(0.0), &|frame| Some(frame as f64)));
             }
             for column in &self.load.columns {
-                curves.extend(over(&column.name, &|frame| column.at(frame)));
+                curves.extend(over(&column.name, column.reference, &|frame| column.at(frame)));
             }
         }
         let mut remarks = self.load.remarks.clone();
@@ -589,13 +669,13 @@ fn jump_cells(jump: Option<Jump>) -> Vec<Option<f64>> {
     Jump::QUANTITIES.iter().flat_map(|(_, value)| pair(jump.as_ref().map(value))).collect()
 }
 
-fn point_cells(at: [f64; 2], values: Option<PointValues>, windowed: bool) -> Vec<Option<f64>> {
+fn point_cells(at: Option<[f64; 2]>, values: Option<PointValues>, q: &Quantities, windowed: bool) -> Vec<Option<f64>> {
     let of_each = |pair: Option<[f64; 2]>| [0, 1].map(|k| pair.map(|pair| pair[k]));
     let of_strain = |strain: Option<(TensorStrain, [f64; 3])>| {
         let both = strain.map(|(strain, sigma)| [strain.components(), sigma]);
         (0..6).map(move |k| both.map(|both| both[k / 3][k % 3]))
     };
-    let mut cells = at.map(Some).to_vec();
+    let mut cells = of_each(at).to_vec();
     cells.extend(of_each(values.map(|v| v.displacement)));
     cells.extend(of_each(values.map(|v| v.sigma)));
     cells.extend(of_each(values.and_then(|v| v.model_error)));
@@ -603,12 +683,28 @@ fn point_cells(at: [f64; 2], values: Option<PointValues>, windowed: bool) -> Vec
     cells.extend(pair(values.map(|v| v.magnitude)));
     cells.extend((0..5).flat_map(|k| pair(values.and_then(|v| Some(v.invariants?[k])))));
     cells.extend(pair(values.and_then(|v| v.rotation_deg)));
+    if let Some(nu) = q.poisson {
+        // Plane stress.
+        let factor = nu / (1.0 - nu);
+        let sum = values.and_then(|v| v.sum);
+        cells.extend(pair(sum.map(|sum| Value { value: -factor * sum.value, sigma: factor.abs() * sum.sigma })));
+    }
     if windowed {
         cells.extend(of_strain(values.and_then(|v| v.window)));
         let model = values.and_then(|v| v.window_model_error);
         cells.extend((0..3).map(|k| model.map(|error| error[k])));
     }
     cells
+}
+
+fn region_cells(region: Option<RegionValues>, q: &Quantities) -> Vec<Option<f64>> {
+    let spread = |k: usize| region.map(|region| region.spread[k]);
+    let of_strain = |k: usize| region.and_then(|region| Some(region.strain?[k]));
+    let varies = |k: usize| of_strain(k).map(|of| [of.deviation, of.least, of.largest]);
+    let strains = (0..3).flat_map(|k| (0..3).map(move |i| varies(k).map(|of| of[i])));
+    let mean = point_cells(region.map(|region| region.at), region.map(|region| region.mean), q, false);
+    let measured = region.map(|region| 100.0 * region.measured);
+    [measured].into_iter().chain(mean).chain([spread(0), spread(1)]).chain(strains).collect()
 }
 
 /// What the camera does to the numbers of a table.
@@ -622,6 +718,7 @@ fn said_of_camera(camera: Option<&Rectifier>, has_columns: bool) -> Vec<String> 
     plane.into_iter().chain(still).chain(has_columns.then_some(columns)).map(str::to_owned).collect()
 }
 
+const THICKNESS_IN_WORDS: &str = "ezz = -nu/(1 - nu) (exx + eyy): through the thickness, under plane stress, elastic";
 const INVARIANTS_IN_WORDS: &str = "e1, e2: principal strains in the plane, e1 the larger; e1_direction_deg: from x towards y (down); \
     shear_max = (e1 - e2)/2; von_mises = sqrt(2/3 (e1^2 + e2^2 + e3^2)) with e3 = -e1 - e2; rotation_deg: of the polar decomposition, \
     from x towards y; where e1 - e2 is not above its noise, the noise makes e1 larger and e2 smaller";
@@ -656,12 +753,23 @@ fn definitions(
             said.extend(quantities.strain.describe(element_size_px));
             said.push("strain at a point: interpolated between the nodes, so over twice the element size".to_owned());
             said.push(INVARIANTS_IN_WORDS.to_owned());
+            said.extend(quantities.poisson.map(|nu| format!("{THICKNESS_IN_WORDS}, nu = {nu}")));
             said.extend(quantities.window.iter().flat_map(|window| window.describe(element_size_px)));
         }
         "extensometers" => said.push(
             "length: distance in the reference; strain_engineering = elongation/length, strain_true = ln(1 + elongation/length)"
                 .to_owned(),
         ),
+        "regions" => {
+            said.extend(quantities.strain.describe(element_size_px));
+            said.push(
+                "means over what is measured of the region: x, y, ux, uy; exx, eyy, exy and what follows from them: of the mean \
+                 gradient. Over the same, noise included: spread, the standard deviation; least and largest, of local strains"
+                    .to_owned(),
+            );
+            said.push(INVARIANTS_IN_WORDS.to_owned());
+            said.extend(quantities.poisson.map(|nu| format!("{THICKNESS_IN_WORDS}, nu = {nu}")));
+        }
         "openings" | "openings_mean" => said.push(
             "jump first zone minus second; opening along the normal from the second to the first, positive when they move apart; \
              sliding along the tangent (-normal_y, normal_x), +x for a horizontal joint with the first zone above"
@@ -684,6 +792,13 @@ fn definitions(
                     .to_owned(),
             );
         }
+        "rates" => said.push(format!(
+            "smooth, rate: value and slope at the time of the frame of the polynomial of degree {DEGREE} that fits what lies in {} s \
+             around it (at the ends in the first and the last {} s), in the unit of the quantity, and that per second; sigma: by noise, of which the reference's is common to all frames \
+             and goes out of a rate; what such a polynomial does not follow is not in it",
+            quantities.rate_window_s.unwrap_or_default(),
+            quantities.rate_window_s.unwrap_or_default()
+        )),
         "still" => said.push(
             "how the still zones seem to move in the plane, taken off all that is in the plane: a point X goes to C + shift + (1 + \
              growth) R (X - C), C their middle; distance_change: dZ/Z = 1/(1 + growth) - 1; strain: beside it, the larger of \

@@ -164,7 +164,7 @@ impl RunCase {
         if let (None, Some(CaseLoad { file, time, frame_interval_s, frame_times, start_s, decimal, area_mm2: _ })) =
             (&force.file, self.correlation.load.clone())
         {
-            let file = Some(file);
+            let file = Some(file).filter(|file| !file.is_empty());
             force = CaseForce { file, time, frame_interval_s, frame_times, start_s, decimal, ..force };
         }
         let found = |file: String| {

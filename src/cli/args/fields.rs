@@ -74,9 +74,9 @@ pub struct ExportArgs {
     quadrille probe out --point 512,300 --extensometer 100,400,900,400 --load load.csv\n  \
     Opening and sliding along a joint, without the rotation of the specimen:\n    \
     quadrille probe out --opening upper,lower --remove-rigid all\n\n\
-    Writes DIR/quantities/points.csv, lines.csv, extensometers.csv, openings.csv, openings_mean.csv and\n\
-    rigid_motions.csv, those that are asked for. Sections [[probe]], [[line]], [[extensometer]], [[opening]],\n\
-    [load] and [quantities] of a case file say the same.\n\n\
+    Writes DIR/quantities/points.csv, lines.csv, extensometers.csv, regions.csv, openings.csv, openings_mean.csv\n\
+    and rigid_motions.csv, those that are asked for. Sections [[probe]], [[line]], [[extensometer]], [[region]],\n\
+    [[opening]], [load] and [quantities] of a case file say the same.\n\n\
     Exit status: 0 everything asked for is there; 1 some frame named by --frames has no field; 2 nothing could \
     be done.")]
 pub struct ProbeArgs {
@@ -108,6 +108,9 @@ pub struct ProbeArgs {
     /// Average extensometers over gauge lines of this length across their ends, px.
     #[arg(id = "extensometer.width_px", long = "width", value_name = "PX", allow_hyphen_values = true)]
     pub width: Option<f64>,
+    /// A rectangle, px: mean displacement and strain over it, and how they vary. Repeat it for several.
+    #[arg(id = "region.roi", long = "region", value_name = "x0,y0,x1,y1", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    pub region: Vec<[f64; 4]>,
     /// Opening and sliding between two zones along their facing edges; for a horizontal joint the upper zone
     /// first. Repeat it for several.
     #[arg(id = "opening.zones", long = "opening", value_name = "upper,lower", value_parser = two_zones)]

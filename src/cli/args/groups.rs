@@ -7,7 +7,7 @@ use clap::{Arg, ArgAction, Command};
 /// Headings of options that are the same matter in every command, and their ids, where the option itself names none.
 const USUAL: [(&str, &str); 6] = [
     ("Input", "case page pattern run settle shots stills timeout"),
-    ("Quantities", "extensometer extensometer.width_px line line.step_px opening.zones point remove_rigid"),
+    ("Quantities", "extensometer extensometer.width_px line line.step_px opening.zones point region.roi remove_rigid"),
     ("Fit", "laws sweep tournament max_seconds max_evaluations"),
     ("Output", "format frames json magnify output overwrite range resume scale split strain strain_window to"),
     ("Machine", "device trust_device"),

@@ -2,7 +2,7 @@
 
 use crate::io::case::{
     CaseCamera, CaseCorrelation, CaseCrack, CaseExtensometer, CaseFit, CaseImages, CaseLine, CaseLoad, CaseOpening,
-    CaseProbe, CaseQuantityOptions, CaseZone, schema_of,
+    CaseProbe, CaseQuantityOptions, CaseRegion, CaseZone, schema_of,
 };
 use clap::{Arg, Command};
 use serde_json::Value;
@@ -12,7 +12,7 @@ type Schema = fn() -> Value;
 
 /// Sections that flags say something of, and their schemas. An option has the name of its key, or `SECTION.KEY` where
 /// another section has the same key.
-const SECTIONS: [(&str, Schema); 12] = [
+const SECTIONS: [(&str, Schema); 13] = [
     ("images", schema_of::<CaseImages>),
     ("camera", schema_of::<CaseCamera>),
     ("correlation", schema_of::<CaseCorrelation>),
@@ -23,6 +23,7 @@ const SECTIONS: [(&str, Schema); 12] = [
     ("probe", schema_of::<CaseProbe>),
     ("line", schema_of::<CaseLine>),
     ("extensometer", schema_of::<CaseExtensometer>),
+    ("region", schema_of::<CaseRegion>),
     ("opening", schema_of::<CaseOpening>),
     ("fit", schema_of::<CaseFit>),
 ];
@@ -30,7 +31,7 @@ const SECTIONS: [(&str, Schema); 12] = [
 /// The sections with the commands whose flags are their keys.
 const COMMANDS: [(&[&str], &[&str]); 3] = [
     (&["correlate", "watch", "calibrate"], &["images", "camera", "correlation", "zone", "crack"]),
-    (&["probe"], &["quantities", "load", "probe", "line", "extensometer", "opening"]),
+    (&["probe"], &["quantities", "load", "probe", "line", "extensometer", "region", "opening"]),
     (&["identify"], &["fit"]),
 ];
 

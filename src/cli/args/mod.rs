@@ -74,7 +74,7 @@ pub enum Command {
     Import(ImportArgs),
     /// Lay the displacements of a finite-element model over a measured field: difference, map and number.
     Compare(CompareArgs),
-    /// Read numbers from the fields of a run: points, lines, extensometers, openings.
+    /// Read numbers from the fields of a run: points, lines, extensometers, regions, openings.
     Probe(ProbeArgs),
     /// Draw the fields of a run as PNG or SVG: maps over the image, meshes, profiles along a line.
     Figures(FiguresArgs),

@@ -5,7 +5,8 @@ use crate::cli::talk::Paint;
 use crate::cli::{Outcome, Result, plural};
 use crate::field::Curve;
 use crate::io::case::{
-    CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, over, parse_case, read_case,
+    CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseRegion, over, parse_case,
+    read_case,
 };
 use crate::io::store::Store;
 use crate::report::Plot;
@@ -26,8 +27,8 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<Outcome> {
     let asked = resolve_asked(args, &store)?;
     if asked.is_empty() && store.header().camera()?.shape().still.is_empty() {
         return Err(
-            "nothing is asked for; give --point, --line, --extensometer, --opening or --remove-rigid, or a --case \
-                    file with [[probe]], [[line]], [[extensometer]] or [[opening]]"
+            "nothing is asked for; give --point, --line, --extensometer, --region, --opening or --remove-rigid, or a \
+                    --case file with [[probe]], [[line]], [[extensometer]], [[region]] or [[opening]]"
                 .into(),
         );
     }
@@ -94,6 +95,7 @@ fn resolve_asked(args: &ProbeArgs, store: &Store) -> Result<CaseQuantities> {
     let by_flags = !(args.point.is_empty()
         && args.line.is_empty()
         && args.extensometer.is_empty()
+        && args.region.is_empty()
         && args.opening.is_empty()
         && args.options.remove_rigid.is_none());
     let mut asked = match &args.case {
@@ -120,6 +122,10 @@ fn resolve_asked(args: &ProbeArgs, store: &Store) -> Result<CaseQuantities> {
     if let Some(width) = args.width {
         asked.extensometers.iter_mut().for_each(|gauge| gauge.width_px = Some(width));
     }
+    if !args.region.is_empty() {
+        let region = |&roi: &[f64; 4]| CaseRegion { roi: Some(roi), ..CaseRegion::default() };
+        asked.regions = args.region.iter().map(region).collect();
+    }
     if !args.opening.is_empty() {
         asked.openings = args.opening.iter().map(|zones| CaseOpening { name: None, zones: zones.clone() }).collect();
     }
@@ -136,6 +142,7 @@ fn resolve_asked(args: &ProbeArgs, store: &Store) -> Result<CaseQuantities> {
             }
             *load = over(flags, load)?;
         }
+        None if flags.frame_interval_s.is_some() || flags.frame_times.is_some() => asked.load = Some(flags.clone()),
         None if flags.time.is_some() || flags.area_mm2.is_some() => {
             return Err("--load-time and --area are about a load file; give --load FILE as well".into());
         }

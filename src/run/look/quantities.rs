@@ -2,21 +2,24 @@
 
 use crate::camera::{CameraError, Rectifier};
 use crate::field::{
-    CrackLine, Elasticity, Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment,
-    Status, StrainDefinition, StrainWindow,
+    CrackLine, Elasticity, Extensometer, Facing, FrameQuantities, Measurement, Quantities, Region, RemoveRigid,
+    Segment, Status, StrainDefinition, StrainWindow,
 };
-use crate::io::case::{CaseCamera, CaseQuantities, parse_case};
+use crate::io::case::{CaseCamera, CaseQuantities, CaseRegion, parse_case};
 use crate::io::load::{LoadTable, read_as_asked};
 use crate::io::quantities::{QUANTITY_TABLES, QuantityPlane, QuantitySummary, QuantityTables};
 use crate::io::store::{STORE, Store};
+use crate::mesh::Mesh;
 use crate::run::folder::record::Record;
 use crate::run::plan::wanted::wanted_camera;
 use crate::run::words::{Result, RunError};
 use crate::units::{PixelSize, Px};
-use std::collections::BTreeSet;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::path::Path;
+use std::rc::Rc;
 
 pub(crate) const FOLDER: &str = "quantities";
 
@@ -44,7 +47,16 @@ pub(crate) fn resolve(
     };
     let named =
         |name: &Option<String>, kind: &str, at: usize| name.clone().unwrap_or_else(|| format!("{kind}{}", at + 1));
-    let mut quantities = Quantities { strain, remove_rigid: asked.options.remove_rigid, ..Quantities::default() };
+    let rate_window_s = asked.options.rate_window_s;
+    if let Some(window) = rate_window_s.filter(|window| !(window.is_finite() && *window > 0.0)) {
+        return Err(format!("--rate-window (rate_window_s) is {window}; give seconds above 0").into());
+    }
+    let poisson = asked.options.nu;
+    if let Some(nu) = poisson.filter(|nu| !(-1.0..=0.5).contains(nu)) {
+        return Err(format!("--poisson (nu) is {nu}; Poisson's ratio is from -1 to 0.5").into());
+    }
+    let remove_rigid = asked.options.remove_rigid;
+    let mut quantities = Quantities { strain, poisson, rate_window_s, remove_rigid, ..Quantities::default() };
     for (at, probe) in asked.probes.iter().enumerate() {
         let name = named(&probe.name, "point", at);
         if let Some(value) = probe.point.iter().find(|value| !value.is_finite()) {
@@ -65,6 +77,12 @@ pub(crate) fn resolve(
         let gauge = Extensometer::new(place(gauge.from)?, place(gauge.to)?, width)
             .map_err(|error| format!("{name}: {error}"))?;
         quantities.extensometers.push((name, gauge));
+    }
+    for (at, region) in asked.regions.iter().enumerate() {
+        let name = region.name.clone().or_else(|| region.zone.clone());
+        let name = named(&name, "region", at);
+        let made = region_of(region, mesh, place).map_err(|error| format!("region '{name}': {error}"))?;
+        quantities.regions.push((name, made));
     }
     for opening in &asked.openings {
         let [plus, minus] = &opening.zones;
@@ -110,9 +128,32 @@ pub(crate) fn resolve(
     once("points", &quantities.points)?;
     once("lines", &quantities.lines)?;
     once("extensometers", &quantities.extensometers)?;
+    once("regions", &quantities.regions)?;
     once("openings", &quantities.openings)?;
     once("cracks", &quantities.cracks)?;
     Ok(quantities)
+}
+
+/// A region, whose corners are placed in the plane.
+fn region_of(
+    region: &CaseRegion,
+    mesh: &Mesh<Px>,
+    place: impl Fn([f64; 2]) -> std::result::Result<[f64; 2], CameraError>,
+) -> Result<Region> {
+    let corners = match (&region.roi, &region.polygon, &region.zone) {
+        (None, None, Some(name)) => {
+            let zone = mesh.zones().iter().position(|zone| zone == name);
+            let zones = mesh.zones().join(", ");
+            return Ok(Region::of_zone(
+                zone.ok_or_else(|| format!("there is no zone '{name}'; the zones are {zones}"))?,
+            ));
+        }
+        (&Some([x0, y0, x1, y1]), None, None) => vec![[x0, y0], [x1, y0], [x1, y1], [x0, y1]],
+        (None, Some(polygon), None) => polygon.clone(),
+        _ => return Err("give one of roi, polygon and zone".into()),
+    };
+    let corners = corners.into_iter().map(place).collect::<std::result::Result<_, _>>()?;
+    Ok(Region::within(corners).map_err(|error| error.to_string())?)
 }
 
 /// Whether there is something to be drawn: what is asked for, or what still zones show.
@@ -121,10 +162,15 @@ pub(crate) fn is_drawn(asked: &CaseQuantities, camera: &Rectifier) -> bool {
 }
 
 /// The load file that is asked for, a row for each frame; nothing without one.
-/// Errors: a file that cannot be read or joined, and times that are missing or given twice.
+/// Errors: a file that cannot be read or joined, times that are missing or given twice.
 pub(crate) fn load(asked: &CaseQuantities, n_frames: usize) -> Result<LoadTable> {
-    let Some(load) = &asked.load else { return Ok(LoadTable::default()) };
-    Ok(read_as_asked(load, n_frames)?)
+    let load = asked.load.as_ref().map_or_else(|| Ok(LoadTable::default()), |load| read_as_asked(load, n_frames))?;
+    if asked.options.rate_window_s.is_some() && load.times().is_none() {
+        return Err("--rate-window needs the times of the frames; give --frame-interval S, --frame-times FILE, or a load file with \
+                    a column in s"
+            .into());
+    }
+    Ok(load)
 }
 
 /// What the fields of a run are like.
@@ -137,6 +183,8 @@ pub(crate) struct Fields<'a> {
     pub pixel_size: Option<PixelSize>,
     /// Its relative standard uncertainty.
     pub pixel_size_std: f64,
+    /// Images whose mean is the reference.
+    pub n_references: usize,
     pub element_size_px: f64,
     /// Whether a regularisation or splines bind the nodes to each other: standard uncertainties are then upper bounds.
     pub regularised: bool,
@@ -163,8 +211,8 @@ pub(crate) fn write(
     let unfinished = |name: &str| folder.join(format!("{name}.csv.part"));
     let write = || -> Result<QuantitySummary> {
         let open = |name: &str| Ok(BufWriter::new(File::create(unfinished(name))?));
-        let Fields { header, camera, pixel_size, pixel_size_std, element_size_px, regularised } = fields;
-        let plane = QuantityPlane { camera: Some(camera), pixel_size, pixel_size_std };
+        let Fields { header, camera, pixel_size, pixel_size_std, n_references, element_size_px, regularised } = fields;
+        let plane = QuantityPlane { camera: Some(camera), pixel_size, pixel_size_std, n_references };
         let tables = QuantityTables::new(quantities, load, plane, regularised, element_size_px, header, open);
         let mut tables = tables.map_err(failed)?;
         for frame in frames {
@@ -191,6 +239,38 @@ pub(crate) fn write(
             let _ = fs::remove_file(unfinished(name)); // what is left of them helps nobody
         }
     })
+}
+
+/// What is drawn of one field, a text of CSV for each table by its name.
+pub(crate) fn texts(
+    quantities: &Quantities,
+    fields: Fields<'_>,
+    field: &Measurement<Px>,
+) -> Result<BTreeMap<String, String>> {
+    /// A table in memory.
+    #[derive(Default, Clone)]
+    struct Kept(Rc<RefCell<Vec<u8>>>);
+    impl Write for Kept {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            self.0.borrow_mut().write(bytes)
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+    let failed = |error: std::io::Error| RunError::from(error.to_string());
+    let mut kept: BTreeMap<String, Kept> = BTreeMap::new();
+    let Fields { header, camera, pixel_size, pixel_size_std, n_references, element_size_px, regularised } = fields;
+    let plane = QuantityPlane { camera: Some(camera), pixel_size, pixel_size_std, n_references };
+    let load = LoadTable::default();
+    let open = |name: &str| Ok(kept.entry(name.to_owned()).or_default().clone());
+    let tables = QuantityTables::new(quantities, &load, plane, regularised, element_size_px, header, open);
+    let mut tables = tables.map_err(failed)?;
+    let status = Some(field.status);
+    let field = field.status.has_field().then(|| camera.rectify(field));
+    tables.frame(1, status, field.as_deref(), None).map_err(failed)?;
+    tables.finish().map_err(failed)?;
+    Ok(kept.into_iter().map(|(name, kept)| (name, String::from_utf8_lossy(&kept.0.borrow()).into_owned())).collect())
 }
 
 /// Removes the tables of an earlier call from `folder/quantities`, and nothing else.
@@ -226,7 +306,7 @@ pub(crate) fn write_of_store(
         format!("fields by quadrille {}, {}", header.quadrille, header.device),
         format!("reference: {}", header.reference.join(", ")),
     ];
-    if let Some(load) = &asked.load {
+    if let Some(load) = asked.load.as_ref().filter(|load| !load.file.is_empty()) {
         lines.push(format!("load file: {}", load.file));
     }
     lines.extend(load.remarks.iter().map(|remark| remark.text.clone()));
@@ -235,6 +315,7 @@ pub(crate) fn write_of_store(
         camera,
         pixel_size: header.pixel_size,
         pixel_size_std: header.pixel_size_std(),
+        n_references: header.reference.len(),
         element_size_px: header.element_size_px,
         regularised: Record::of(header).is_regularised(),
     };

@@ -400,8 +400,9 @@ fn regularisation(
 fn quantities_of(case: &CaseFile) -> CaseQuantities {
     let mut drawn = case.drawn();
     if let Some(load) = &mut drawn.load {
-        load.file = absolute(Path::new(&load.file));
-        load.frame_times = load.frame_times.as_ref().map(|file| absolute(Path::new(file)));
+        let found = |file: &String| if file.is_empty() { String::new() } else { absolute(Path::new(file)) };
+        load.file = found(&load.file);
+        load.frame_times = load.frame_times.as_ref().map(found);
     }
     drawn
 }

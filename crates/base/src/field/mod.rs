@@ -22,9 +22,10 @@ pub use point_filter::{PointFilter, PointFilters};
 pub use quantities::{
     CrackLine, CrackTip, CrackValues, Curve, Elasticity, Elongation, Extensometer, Facing, FacingPoint,
     FrameQuantities, Jump, NodalNoise, OPEN_BY_SIGMA, OpeningValues, PointValues, Quantities, QuantityError, Reading,
-    RemoveRigid, RigidRemoved, Segment, StressIntensity, TipState, Value, at_point, remove_rigid,
+    Region, RegionValues, RemoveRigid, RigidRemoved, Segment, Spread, StressIntensity, TipState, Value, at_point,
+    remove_rigid,
 };
-pub use rigid::RigidMotion;
+pub use rigid::{RigidMotion, uniform_strain};
 pub use strain::{
     ELEMENT_NOISE, Invariant, NODE_NOISE, StrainDefinition, TensorStrain, element_strain_sigma, node_strain_sigma,
     rotation_deg,

@@ -2,7 +2,7 @@
 
 use super::crack_path::CrackPath;
 use super::is_default;
-use super::lists::{name, point, two_names};
+use super::lists::{four_numbers, name, point, polygon, two_names};
 use crate::field::RemoveRigid;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -21,6 +21,8 @@ pub struct CaseQuantities {
     pub lines: Vec<CaseLine>,
     /// The sections `[[extensometer]]`.
     pub extensometers: Vec<CaseExtensometer>,
+    /// The sections `[[region]]`.
+    pub regions: Vec<CaseRegion>,
     /// The sections `[[opening]]`.
     pub openings: Vec<CaseOpening>,
     /// The sections `[[crack]]`.
@@ -30,9 +32,9 @@ pub struct CaseQuantities {
 impl CaseQuantities {
     /// Whether nothing is asked for. A load file alone asks for nothing.
     pub fn is_empty(&self) -> bool {
-        let Self { options, load: _, probes, lines, extensometers, openings, cracks } = self;
+        let Self { options, load: _, probes, lines, extensometers, regions, openings, cracks } = self;
         let none = probes.is_empty() && lines.is_empty() && extensometers.is_empty() && openings.is_empty();
-        is_default(options) && none && cracks.is_empty()
+        is_default(options) && none && regions.is_empty() && cracks.is_empty()
     }
 }
 
@@ -44,6 +46,13 @@ pub struct CaseQuantityOptions {
     /// The rigid motion that is subtracted first: of all nodes together, or of each zone. Without it none is.
     #[cfg_attr(feature = "cli", arg(long, value_name = "all|zone"))]
     pub remove_rigid: Option<RemoveRigid>,
+    /// Poisson's ratio: the strain through the thickness, `ezz`, is written as that of plane stress.
+    #[cfg_attr(feature = "cli", arg(long = "poisson", value_name = "NU", allow_negative_numbers = true))]
+    pub nu: Option<f64>,
+    /// Smooth quantities over time by polynomials of the second degree over so many seconds, and write their rates
+    /// (`rates.csv`). The times of the frames have to be known.
+    #[cfg_attr(feature = "cli", arg(long = "rate-window", value_name = "S", allow_negative_numbers = true))]
+    pub rate_window_s: Option<f64>,
 }
 
 /// What other instruments recorded.
@@ -52,8 +61,9 @@ pub struct CaseQuantityOptions {
 #[serde(deny_unknown_fields)]
 pub struct CaseLoad {
     /// The load file: CSV with names and units in its header (or units in its second line) and a row for each image,
-    /// or with a column `frame`, or with a column of times (docs/quantities.md).
-    #[serde(skip_serializing_if = "is_default")]
+    /// or with a column `frame`, or with a column of times (docs/quantities.md). Without it the times of the frames are
+    /// all that is known.
+    #[serde(default, skip_serializing_if = "is_default")]
     #[cfg_attr(feature = "cli", arg(skip))]
     pub file: String,
     /// The column of the load file that says when its rows were taken: rows are then joined with the frames by time,
@@ -159,6 +169,23 @@ pub struct CaseExtensometer {
     /// Length of the gauge lines across its ends, px; 0: points.
     #[schemars(extend("default" = 0))]
     pub width_px: Option<f64>,
+}
+
+/// A part of the specimen over which means are taken: one of `roi`, `polygon`, `zone`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaseRegion {
+    /// Its name; that of its zone, or `region1`, `region2`, ... without.
+    #[serde(default, deserialize_with = "name")]
+    pub name: Option<String>,
+    /// Its rectangle `[x0, y0, x1, y1]`, px of the reference image.
+    #[serde(default, deserialize_with = "four_numbers")]
+    pub roi: Option<[f64; 4]>,
+    /// Its corners `[[x, y], ...]`, px, in order.
+    #[serde(default, deserialize_with = "polygon")]
+    pub polygon: Option<Vec<[f64; 2]>>,
+    /// Name of a zone, all of which is meant.
+    pub zone: Option<String>,
 }
 
 /// An opening between two zones.

@@ -49,7 +49,7 @@ impl Reader {
     }
 }
 
-const OF_CORRELATION: [&str; 12] = [
+const OF_CORRELATION: [&str; 13] = [
     "images",
     "camera",
     "correlation",
@@ -59,6 +59,7 @@ const OF_CORRELATION: [&str; 12] = [
     "probe",
     "line",
     "extensometer",
+    "region",
     "opening",
     "crack",
     "report",

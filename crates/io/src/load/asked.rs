@@ -35,6 +35,15 @@ pub fn read_as_asked(load: &CaseLoad, n_frames: usize) -> Result<LoadTable, Load
         (None, Some(interval_s)) => Some(FrameTimes::every(interval_s, start_s, n_frames)),
         (None, None) => None,
     };
+    if load.file.is_empty() {
+        let asks_for_more = load.time.is_some() || load.area_mm2.is_some() || load.decimal.is_some();
+        return match times.filter(|_| !asks_for_more) {
+            Some(times) => Ok(LoadTable { columns: vec![times.column("time_s".to_owned())], remarks: Vec::new() }),
+            None => {
+                wrong("no load file is named; give --load FILE (file), or the times of the frames alone".to_owned())
+            }
+        };
+    }
     let table = match (&load.time, times) {
         (Some(time), Some(times)) => {
             let mut table = record_of(&Source::read(path, load.decimal)?, path, time, &times)?;

@@ -13,6 +13,8 @@ use std::path::Path;
 pub struct FrameTimes {
     /// Of each deformed image, from frame 1 on, s; `None` where it is not known.
     seconds: Vec<Option<f64>>,
+    /// Of the reference, where it is known.
+    reference: Option<f64>,
     /// Whether they are clock times.
     clock: bool,
 }
@@ -20,7 +22,13 @@ pub struct FrameTimes {
 impl FrameTimes {
     /// A frame every `interval_s`, the reference at `start_s`: frame n of `n_frames` at `start_s + n interval_s`.
     pub fn every(interval_s: f64, start_s: f64, n_frames: usize) -> Self {
-        Self { seconds: (1..=n_frames).map(|n| Some(start_s + n as f64 * interval_s)).collect(), clock: false }
+        let seconds = (1..=n_frames).map(|n| Some(start_s + n as f64 * interval_s)).collect();
+        Self { seconds, reference: Some(start_s), clock: false }
+    }
+
+    /// A column of a table of loads.
+    pub(super) fn column(&self, name: String) -> LoadColumn {
+        LoadColumn { name, values: self.seconds.clone(), reference: self.reference }
     }
 
     /// The times of the frames, s.
@@ -31,7 +39,7 @@ impl FrameTimes {
     /// The same times, `seconds` later.
     #[must_use]
     pub fn later(mut self, seconds: f64) -> Self {
-        self.seconds.iter_mut().flatten().for_each(|time| *time += seconds);
+        self.seconds.iter_mut().chain([&mut self.reference]).flatten().for_each(|time| *time += seconds);
         self
     }
 }
@@ -55,13 +63,17 @@ pub(super) fn frame_times_of(source: &Source, path: &Path, n_frames: usize) -> R
     let column = 0;
     let frames = table.frames(n_frames)?;
     let Times { seconds, clock } = Times::of(&table, column)?;
-    let mut of_frames = vec![None; n_frames];
+    let (mut of_frames, mut reference) = (vec![None; n_frames], None);
     for (frame, time) in frames.into_iter().zip(seconds) {
-        if let Some(of_frame) = frame.checked_sub(1).and_then(|at| of_frames.get_mut(at)) {
+        let of_frame = match frame.checked_sub(1) {
+            None => Some(&mut reference),
+            Some(at) => of_frames.get_mut(at),
+        };
+        if let Some(of_frame) = of_frame {
             *of_frame = time;
         }
     }
-    Ok(FrameTimes { seconds: of_frames, clock })
+    Ok(FrameTimes { seconds: of_frames, reference, clock })
 }
 
 struct Times {
@@ -132,18 +144,18 @@ pub(super) fn join(table: &RawTable, time: &str, frames: &FrameTimes) -> Result<
         return Err(LoadError::Apart { path: path(), from, to, first, last });
     }
     remarks.extend(outside(&frames.seconds, within, from, to));
-    let values = |k: usize| -> Result<Vec<Option<f64>>, LoadError> {
+    let joined = |k: usize, name: String| -> Result<LoadColumn, LoadError> {
         let cells = (0..rows.len()).map(|row| table.value(row, k)).collect::<Result<Vec<_>, _>>()?;
-        Ok(frames.seconds.iter().map(|time| at(&rows, &cells, (*time)?)).collect())
+        let of = |time: &Option<f64>| at(&rows, &cells, (*time)?);
+        Ok(LoadColumn { name, values: frames.seconds.iter().map(of).collect(), reference: of(&frames.reference) })
     };
     let mut columns = Vec::with_capacity(table.columns.len());
     for (k, column_name) in table.columns.iter().enumerate() {
-        let (name, values) = match k == column {
-            true if name.ends_with("_s") => (name.clone(), frames.seconds.clone()),
-            true => (format!("{name}_s"), frames.seconds.clone()),
-            false => (column_name.clone(), values(k)?),
-        };
-        columns.push(LoadColumn { name, values });
+        columns.push(match k == column {
+            true if name.ends_with("_s") => frames.column(name.clone()),
+            true => frames.column(format!("{name}_s")),
+            false => joined(k, column_name.clone())?,
+        });
     }
     Ok(LoadTable { columns, remarks })
 }

@@ -11,6 +11,7 @@ pub(super) mod noise;
 mod plan;
 mod point;
 mod reading;
+mod region;
 mod register;
 mod stress_intensity;
 
@@ -21,6 +22,7 @@ pub use noise::NodalNoise;
 pub use plan::{Curve, FrameQuantities, OpeningValues, Quantities};
 pub use point::{PointValues, Segment, at_point};
 pub use reading::{Reading, Value};
+pub use region::{Region, RegionValues, Spread};
 pub use register::{RemoveRigid, RigidRemoved, remove_rigid};
 pub use stress_intensity::{Elasticity, StressIntensity};
 
@@ -50,6 +52,9 @@ pub enum QuantityError {
         /// The point, px.
         y: f64,
     },
+    /// A region that is none.
+    #[error("a region has no area; give three corners or more that do not lie on a line")]
+    NoArea,
     /// More points than anybody can read.
     #[error("a line of {length_px} px with a point every {step_px} px has more than {limit} points; enlarge the step")]
     TooManyPoints {

@@ -52,8 +52,13 @@ pub struct NodalNoise {
     columns: Mutex<HashMap<usize, Arc<Column>>>,
 }
 
-/// Column of the inverse mass matrix near its node.
-type Column = HashMap<usize, f64>;
+/// Column of the inverse mass matrix near its node, by the numbers of the nodes.
+type Column = Vec<(usize, f64)>;
+
+fn entry(column: &Column, node: usize) -> Option<f64> {
+    let at = column.binary_search_by_key(&node, |(other, _)| *other).ok()?;
+    column.get(at).map(|(_, value)| *value)
+}
 
 impl NodalNoise {
     /// The correlations on `mesh` when `measured` tells which nodes are measured.
@@ -148,12 +153,13 @@ impl NodalNoise {
             return 1.0;
         }
         let (of_a, of_b) = (self.column(a), self.column(b));
-        let variance = |column: &Column, node: usize| column.get(&node).copied().unwrap_or(0.0);
+        let variance = |column: &Column, node: usize| entry(column, node).unwrap_or(0.0);
         let product = variance(&of_a, a) * variance(&of_b, b);
         if product > 0.0 { variance(&of_a, b) / product.sqrt() } else { 0.0 }
     }
 
-    /// Standard deviation of `sum (w_x u_x + w_y u_y)` over nodes with the standard uncertainties `sigma`.
+    /// Standard deviation of `sum (w_x u_x + w_y u_y)` over nodes, in order of their numbers, with the standard
+    /// uncertainties `sigma`.
     pub(super) fn sigma(&self, weights: &[(usize, [f64; 2])], sigma: &[[f64; 2]]) -> f64 {
         let sizes: Vec<[f64; 2]> = weights.iter().map(|&(node, w)| [0, 1].map(|c| w[c] * sigma[node][c])).collect();
         if self.mass.is_none() {
@@ -161,19 +167,25 @@ impl NodalNoise {
         }
         // The columns once: a value at a point is a sum over some sixteen nodes.
         let columns: Vec<Arc<Column>> = weights.iter().map(|&(node, _)| self.column(node)).collect();
-        let own = |k: usize| columns[k].get(&weights[k].0).copied().unwrap_or(0.0);
+        let own = |k: usize| entry(&columns[k], weights[k].0).unwrap_or(0.0);
         let mut variance = 0.0;
         for i in 0..weights.len() {
             variance += sizes[i][0] * sizes[i][0] + sizes[i][1] * sizes[i][1];
-            for j in 0..i {
+            let mut add = |j: usize, covariance: f64| {
                 let products = sizes[i][0] * sizes[j][0] + sizes[i][1] * sizes[j][1];
                 let both = own(i) * own(j);
-                if products != 0.0
-                    && both > 0.0
-                    && let Some(covariance) = columns[i].get(&weights[j].0)
-                {
+                if products != 0.0 && both > 0.0 {
                     variance += 2.0 * products * covariance / both.sqrt();
                 }
+            };
+            // Of few nodes all before this one, of many those that it reaches.
+            if i < columns[i].len() {
+                (0..i).filter_map(|j| Some((j, entry(&columns[i], weights[j].0)?))).for_each(|(j, v)| add(j, v));
+            } else {
+                let reached = columns[i].iter().map_while(|&(node, v)| {
+                    (node < weights[i].0).then(|| (weights.binary_search_by_key(&node, |(other, _)| *other), v))
+                });
+                reached.for_each(|(j, v)| j.into_iter().for_each(|j| add(j, v)));
             }
         }
         // Rounding, and correlations cut at their reach, may leave less than nothing.
@@ -213,7 +225,9 @@ impl NodalNoise {
         let mut load = vec![0.0; patch.len()];
         load[0] = 1.0;
         let solution = solve_spd(&rows, load);
-        patch[..n_reached].iter().zip(solution).map(|(&node, value)| (node, value)).collect()
+        let mut column: Column = patch[..n_reached].iter().copied().zip(solution).collect();
+        column.sort_unstable_by_key(|(node, _)| *node);
+        column
     }
 }
 

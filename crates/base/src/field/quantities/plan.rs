@@ -1,8 +1,8 @@
 //! What is drawn from every field of a series.
 
 use super::{
-    CrackLine, CrackValues, Elongation, Extensometer, Facing, Jump, NodalNoise, PointValues, RemoveRigid, RigidRemoved,
-    Segment, Value, at_point, remove_rigid,
+    CrackLine, CrackValues, Elongation, Extensometer, Facing, Jump, NodalNoise, PointValues, Region, RegionValues,
+    RemoveRigid, RigidRemoved, Segment, Value, at_point, remove_rigid,
 };
 use crate::field::{Measurement, StrainDefinition, StrainWindow, StrainWindows, TensorStrain};
 use crate::units::Length;
@@ -14,6 +14,10 @@ pub struct Quantities {
     pub strain: StrainDefinition,
     /// Window of nodes over which strains are taken as well.
     pub window: Option<StrainWindow>,
+    /// Poisson's ratio, with which the strain through the thickness follows from that in the plane (plane stress).
+    pub poisson: Option<f64>,
+    /// Window over which quantities are smoothed and derived by time, s.
+    pub rate_window_s: Option<f64>,
     /// The rigid motion that is taken off each field before anything is drawn from it.
     pub remove_rigid: Option<RemoveRigid>,
     /// Points.
@@ -22,6 +26,8 @@ pub struct Quantities {
     pub lines: Vec<(String, Segment)>,
     /// Extensometers.
     pub extensometers: Vec<(String, Extensometer)>,
+    /// Regions.
+    pub regions: Vec<(String, Region)>,
     /// Openings between two zones.
     pub openings: Vec<(String, Facing)>,
     /// Cracks along which the mesh is cut.
@@ -39,6 +45,8 @@ pub struct FrameQuantities {
     pub lines: Vec<Vec<Option<PointValues>>>,
     /// Of the extensometers.
     pub extensometers: Vec<Option<Elongation>>,
+    /// Of the regions.
+    pub regions: Vec<Option<RegionValues>>,
     /// Of the openings.
     pub openings: Vec<OpeningValues>,
     /// Of the cracks.
@@ -78,6 +86,7 @@ impl Quantities {
             && self.points.is_empty()
             && self.lines.is_empty()
             && self.extensometers.is_empty()
+            && self.regions.is_empty()
             && self.openings.is_empty()
             && self.cracks.is_empty()
     }
@@ -115,6 +124,7 @@ impl Quantities {
             points: self.points.iter().map(|(_, point)| at(*point)).collect(),
             lines: self.lines.iter().map(|(_, line)| line.points().into_iter().map(|(_, x)| at(x)).collect()).collect(),
             extensometers: self.extensometers.iter().map(|(_, extensometer)| extensometer.read(field, noise)).collect(),
+            regions: self.regions.iter().map(|(_, region)| region.read(field, noise, self.strain)).collect(),
             openings: self.openings.iter().map(|(_, facing)| opening(facing)).collect(),
             cracks: self.cracks.iter().map(|(_, crack)| crack.read(field, noise)).collect(),
         }
@@ -201,8 +211,10 @@ impl Curve {
     /// Name and unit of the quantity as they are read: `opening`, `px`; without unit `1`.
     pub fn quantity_in_words(&self) -> (String, String) {
         // What is drawn is in px or has no unit, and may have blanks in its name: `strain_engineering`.
-        let (name, unit) = self.quantity.strip_suffix("_px").map_or((&*self.quantity, "1"), |name| (name, "px"));
-        (name.replace('_', " "), unit.to_owned())
+        let (quantity, rate) = self.quantity.strip_suffix("_per_s").map_or((&*self.quantity, ""), |of| (of, " rate"));
+        let (name, unit) = quantity.strip_suffix("_px").map_or((quantity, "1"), |name| (name, "px"));
+        let unit = if rate.is_empty() { unit.to_owned() } else { format!("{unit}/s") };
+        (format!("{}{rate}", name.replace('_', " ")), unit)
     }
 
     /// Name and unit of what it is against: `load`, `N`; of the frame `1`.

@@ -30,6 +30,8 @@ pub struct PointValues {
     pub invariants: Option<[Value; 5]>,
     /// Rotation, degrees from x towards y; there where a strain is.
     pub rotation_deg: Option<Value>,
+    /// `exx + eyy`; there where a strain is.
+    pub sum: Option<Value>,
     /// The same as `strain` over a window of nodes, interpolated between those of the element (its standard uncertainty
     /// as well: windows of neighbours share most of their noise); `None` where it is not known at one of them, or not
     /// asked for.
@@ -101,10 +103,7 @@ pub fn at_point<U: Length>(
     let along = Reading::new(value.iter().map(|&(node, w)| (node, [c * w, s * w])));
     let magnitude = Value { value: length, sigma: noise.sigma(along.weights(), &field.sigma) };
     let by = gradient_weights(mesh, noise, &weights);
-    let (strain, invariants, rotation_deg) = match by.and_then(|by| strain_of(field, noise, definition, &by)) {
-        Some((strain, sigma, invariants, rotation)) => (Some((strain, sigma)), Some(invariants), Some(rotation)),
-        None => (None, None, None),
-    };
+    let there = by.and_then(|by| strain_of(field, noise, definition, &by));
     let model_error = model_error_at(field, noise, at, &weights);
     let (window, window_model_error) = (None, None);
     Some(PointValues {
@@ -112,9 +111,10 @@ pub fn at_point<U: Length>(
         sigma,
         model_error,
         magnitude,
-        strain,
-        invariants,
-        rotation_deg,
+        strain: there.map(|there| (there.strain, there.sigma)),
+        invariants: there.map(|there| there.invariants),
+        rotation_deg: there.map(|there| there.rotation_deg),
+        sum: there.map(|there| there.sum),
         window,
         window_model_error,
     })
@@ -122,7 +122,7 @@ pub fn at_point<U: Length>(
 
 /// What the displacement at a point may be off beyond noise: what its element does not follow, and where it is read from
 /// coefficients what these are off. Values at points are without what coefficients overshoot (THEORY 17).
-fn model_error_at<U: Length>(
+pub(super) fn model_error_at<U: Length>(
     field: &Measurement<U>,
     noise: &NodalNoise,
     [x, y]: [f64; 2],
@@ -144,7 +144,7 @@ pub(super) fn shape_at<U: Length>(mesh: &Mesh<U>, [x, y]: [f64; 2]) -> Option<[(
 
 /// `du/dx` and `du/dy` at a point as sums over nodes: the gradients at the corners of its element, each the mean over
 /// the measured elements around weighted by their areas, times the weights of the corners.
-fn gradient_weights<U: Length>(
+pub(super) fn gradient_weights<U: Length>(
     mesh: &Mesh<U>,
     noise: &NodalNoise,
     weights: &[(usize, f64); 4],
@@ -170,13 +170,25 @@ fn gradient_weights<U: Length>(
     Some(sum)
 }
 
+/// What follows from a displacement gradient.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct OfGradient {
+    pub strain: TensorStrain,
+    /// Of exx, eyy, exy.
+    pub sigma: [f64; 3],
+    pub invariants: [Value; 5],
+    pub rotation_deg: Value,
+    /// `exx + eyy`.
+    pub sum: Value,
+}
+
 /// The strain of the gradient with these weights, and its invariants with the rotation; uncertainties to first order.
-fn strain_of<U: Length>(
+pub(super) fn strain_of<U: Length>(
     field: &Measurement<U>,
     noise: &NodalNoise,
     definition: StrainDefinition,
     by: &[(usize, [f64; 2])],
-) -> Option<(TensorStrain, [f64; 3], [Value; 5], Value)> {
+) -> Option<OfGradient> {
     let mut gradient = [[0.0; 2]; 2];
     for &(node, d) in by {
         for c in 0..2 {
@@ -197,7 +209,15 @@ fn strain_of<U: Length>(
         Value { value: strain.invariant(which), sigma: sigma_of(by_gradient) }
     };
     let rotation = Value { value: rotation_deg(gradient), sigma: sigma_of(slopes_of_rotation(gradient)) };
-    Some((strain, slopes.map(sigma_of), Invariant::ALL.map(invariant), rotation))
+    let [of_exx, of_eyy, _] = slopes;
+    let both = [0, 1].map(|c| [0, 1].map(|k| of_exx[c][k] + of_eyy[c][k]));
+    Some(OfGradient {
+        strain,
+        sigma: slopes.map(sigma_of),
+        invariants: Invariant::ALL.map(invariant),
+        rotation_deg: rotation,
+        sum: Value { value: strain.xx + strain.yy, sigma: sigma_of(both) },
+    })
 }
 
 /// A straight line with points at equal distances.
