@@ -35,6 +35,9 @@ pub struct ForceRecord {
     pub largest_at_instant: usize,
     /// The factor that brings the computed forces closest to the measured ones; null where all computed ones are zero.
     pub scale: Option<f64>,
+    /// Place on the mid-line where the joint opens most, mm.
+    #[serde(default)]
+    pub opening_at_mm: [f64; 2],
     /// All that in words.
     pub text: String,
     /// The instants that have a force.
@@ -55,13 +58,21 @@ pub struct ForcePoint {
     /// The reaction of the model times the width.
     #[serde(rename = "computed_N")]
     pub computed_n: f64,
+    /// Opening of the joint where it opens most.
+    #[serde(default)]
+    pub opening_mm: f64,
 }
 
 impl ForceRecord {
     /// What `cell` measured beside what was computed; `used` where it took part in the fit.
     pub fn of(cell: &LoadCell, comparison: &LoadComparison, used: bool) -> Self {
-        let point =
-            |&(instant, measured_n, computed_n): &(usize, f64, f64)| ForcePoint { instant, measured_n, computed_n };
+        let (openings, opening_at_mm) = &comparison.openings;
+        let point = |(&(instant, measured_n, computed_n), &opening_mm): (&(usize, f64, f64), &f64)| ForcePoint {
+            instant,
+            measured_n,
+            computed_n,
+            opening_mm,
+        };
         Self {
             column: cell.column.clone().into(),
             group: cell.group.name.clone(),
@@ -75,7 +86,8 @@ impl ForceRecord {
             largest_at_instant: comparison.largest.1,
             scale: comparison.scale,
             text: comparison.text(cell),
-            points: comparison.points.iter().map(point).collect(),
+            opening_at_mm: *opening_at_mm,
+            points: comparison.points.iter().zip(openings).map(point).collect(),
             remark: comparison.remark(cell),
         }
     }
@@ -85,30 +97,38 @@ impl ForceRecord {
     /// # Errors
     /// Those of `out`.
     pub fn write<W: Write>(&self, out: W) -> io::Result<()> {
-        let columns = to_strings(&["instant", "measured_N", "computed_N"]);
-        let rows = self.points.iter().map(|at| (vec![at.instant as u64], vec![at.measured_n, at.computed_n]));
+        let columns = to_strings(&["instant", "measured_N", "computed_N", "opening_mm"]);
+        let rows =
+            self.points.iter().map(|at| (vec![at.instant as u64], vec![at.measured_n, at.computed_n, at.opening_mm]));
         write_table(out, &[version(), self.text.clone()], &columns, rows)
     }
 
-    /// Measured and computed force over the instants.
+    /// Measured and computed force, each picture with its name: `force` over the instants, `force-opening` over the opening.
     ///
     /// # Errors
     /// Values without a finite range.
-    pub fn draw(&self) -> Result<Picture, ReportError> {
-        self.plot().draw()
+    pub fn draw(&self) -> Result<[(&'static str, Picture); 2], ReportError> {
+        let [over_instants, over_opening] = self.plots();
+        Ok([("force", over_instants.draw()?), ("force-opening", over_opening.draw()?)])
     }
 
-    /// The same before it is drawn.
-    pub(super) fn plot(&self) -> Plot {
+    /// The same before they are drawn.
+    pub(super) fn plots(&self) -> [Plot; 2] {
+        let [x, y] = self.opening_at_mm;
+        let opening = format!("opening at ({x:.2}, {y:.2}) mm, where it is largest (mm)");
+        [self.plot("instant", |point| point.instant as f64), self.plot(&opening, |point| point.opening_mm)]
+    }
+
+    fn plot(&self, over: &str, x: fn(&ForcePoint) -> f64) -> Plot {
         let column = |of: fn(&ForcePoint) -> f64| self.points.iter().map(of).collect::<Vec<f64>>();
-        let x = column(|point| point.instant as f64);
+        let x = column(x);
         let mut measured = PlotSeries::new("measured", Style::Markers, x.clone(), column(|point| point.measured_n));
         if let Some(std) = self.std_n {
             measured = measured.with_band(vec![1.96 * std; x.len()]);
         }
         let computed = PlotSeries::new("computed", Style::Line, x, column(|point| point.computed_n));
         let used = if self.used { "It took part in the fit." } else { "It took no part in a fit." };
-        let plot = Plot::new(format!("Force on {}", self.group), "instant", "force (N)", [measured, computed]);
+        let plot = Plot::new(format!("Force on {}", self.group), over, "force (N)", [measured, computed]);
         plot.with_note(&self.text).with_note(used)
     }
 }

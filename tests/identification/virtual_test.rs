@@ -222,6 +222,15 @@ fn the_truth_simulates_to_itself() {
     for row in &forces {
         assert!((row[1] - row[2]).abs() < 1e-8 * largest, "{row:?}");
     }
+    // The opening where the joint opens most: that of the true field, between the faces there.
+    let opens = |instant: f64| {
+        let at = want.iter().filter(|row| row[0] == instant).map(|row| row[3]);
+        at.clone().fold(f64::MIN, f64::max) - at.fold(f64::MAX, f64::min)
+    };
+    for row in &forces {
+        assert!(row[3] > 0.0 && row[3] < 1.001 * opens(row[0]), "{row:?}, {}", opens(row[0]));
+    }
+    assert!(forces[18][3] > 0.5 * opens(forces[18][0]) && result.join("figures/force-opening.png").is_file());
 }
 
 #[test]

@@ -18,7 +18,9 @@ impl FitReport<'_> {
         mut save: impl FnMut(String, Picture) -> Result<(), E>,
     ) -> Result<(), E> {
         if let Some(force) = &self.force {
-            save("force".into(), force.draw()?)?;
+            for (name, picture) in force.draw()? {
+                save(name.into(), picture)?;
+            }
         }
         save("fit-history".into(), self.history()?)?;
         save("parameters".into(), self.parameters()?)?;

@@ -110,7 +110,9 @@ fn write_loads(folder: &RunFolder, report: &JointReport<'_>) -> Result<()> {
     }
     if let Some(force) = report.force {
         folder.write(FORCE, |out| force.write(out))?;
-        folder.save_figure("force", &force.draw()?)?;
+        for (name, picture) in force.draw()? {
+            folder.save_figure(name, &picture)?;
+        }
     }
     Ok(())
 }

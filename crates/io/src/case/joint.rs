@@ -292,7 +292,7 @@ pub enum BorderKind {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseTest {
-    /// Its name in results. Default: the folder of its case file.
+    /// Its name in results. Default: the folder of its case file by which it differs from the others.
     #[serde(default, deserialize_with = "name")]
     pub name: Option<String>,
     /// Its case file, as for `quadrille identify`, or the folder of a `quadrille run`. Of its `[fit]` only errors of

@@ -2,7 +2,8 @@
 
 use super::{CaseFit, CaseJointOutput, JointFileError, JointInput, joint_of};
 use crate::case::{CaseCohesive, CaseDocument, CaseError, CaseTest, CaseText, Reader, read_document};
-use std::path::{Path, PathBuf};
+use std::collections::BTreeSet;
+use std::path::{Component, Path, PathBuf};
 
 /// What a folder of `quadrille run` has for `quadrille identify`.
 const OF_RUN: &str = "identify.toml";
@@ -78,8 +79,7 @@ fn read_tests(document: CaseDocument) -> Result<TestsInput, JointFileError> {
     let fit = case.fit.ok_or_else(missing)?;
     let base = case.base;
     let (mut tests, mut notes): (Vec<TestInput>, Vec<String>) = (Vec::new(), Vec::new());
-    for test in &case.tests {
-        let name = name_of(test);
+    for (test, name) in case.tests.iter().zip(names_of(&case.tests)) {
         let wrong = |error| JointFileError::InTest(text.place("test", None), name.clone(), Box::new(error));
         if tests.iter().any(|other| other.name == name) {
             let what = "another test has the same name; give each [[test]] a name = \"..\" of its own";
@@ -100,15 +100,33 @@ fn read_tests(document: CaseDocument) -> Result<TestsInput, JointFileError> {
     Ok(TestsInput { text, own_law, fit, output, tests, notes })
 }
 
-/// The name of a test: as given, else that of the folder of its case file, or of the file where that lies beside.
-fn name_of(test: &CaseTest) -> String {
-    let named = || {
-        let path = Path::new(&test.case);
-        let folder = if path.extension().is_some() { path.parent()? } else { path };
-        let name = folder.file_name().or_else(|| path.file_stem())?;
-        Some(name.to_string_lossy().into_owned())
+/// Names of the tests: as given, else those of the folders of their case files, at the innermost level at which these
+/// differ (`op/run` and `sl/run` are `op` and `sl`); of a file that lies beside, its own.
+fn names_of(tests: &[CaseTest]) -> Vec<String> {
+    let levels: Vec<Vec<String>> = tests.iter().map(levels_of).collect();
+    let at = |level: usize| -> Option<Vec<String>> {
+        let own = tests.iter().zip(&levels).map(|(test, of)| test.name.clone().or_else(|| of.get(level).cloned()));
+        own.collect()
     };
-    test.name.clone().or_else(named).unwrap_or_else(|| test.case.clone())
+    let differ = |names: &Vec<String>| names.iter().collect::<BTreeSet<_>>().len() == names.len();
+    let deepest = levels.iter().map(Vec::len).max().unwrap_or(0);
+    (0..deepest).map_while(at).find(differ).or_else(|| at(0)).unwrap_or_default()
+}
+
+/// The folders of a case file from the inside out, or the name of the file that lies beside.
+fn levels_of(test: &CaseTest) -> Vec<String> {
+    let path = Path::new(&test.case);
+    let folder = if path.extension().is_some() { path.parent().unwrap_or(path) } else { path };
+    let name = |part: Component<'_>| match part {
+        Component::Normal(name) => Some(name.to_string_lossy().into_owned()),
+        _ => None,
+    };
+    let folders: Vec<String> = folder.components().rev().filter_map(name).collect();
+    match (folders.is_empty(), path.file_stem()) {
+        (true, Some(stem)) => vec![stem.to_string_lossy().into_owned()],
+        (true, None) => vec![test.case.clone()],
+        (false, _) => folders,
+    }
 }
 
 /// The case of one test: a file, or that in the folder of a run.
@@ -157,4 +175,24 @@ fn with_shared(
         ..shared.clone()
     });
     input
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tests_without_a_name_have_that_of_the_folder_by_which_they_differ() {
+        let names = |cases: &[&str]| -> Vec<String> {
+            let test = |case: &&str| CaseTest { name: None, case: (*case).to_owned() };
+            names_of(&cases.iter().map(test).collect::<Vec<_>>())
+        };
+        assert_eq!(names(&["op/run", "sl/run"]), ["op", "sl"]);
+        assert_eq!(names(&["tests/op/identify.toml", "../sl/identify.toml"]), ["op", "sl"]);
+        assert_eq!(names(&["a/1/run/case.toml", "b/1/run/case.toml"]), ["a", "b"]);
+        assert_eq!(names(&["op.toml", "sl.toml"]), ["op", "sl"]);
+        assert_eq!(names(&["op/run", "op/run"]), ["run", "run"], "refused where they are used");
+        let given = [CaseTest { name: Some("x".into()), case: "op/run".into() }];
+        assert_eq!(names_of(&[given[0].clone(), given[0].clone()]), ["x", "x"]);
+    }
 }

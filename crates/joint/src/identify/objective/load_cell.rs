@@ -41,6 +41,8 @@ pub struct LoadCell {
 pub struct LoadComparison {
     /// Instant (from 1), measured and computed force, N.
     pub points: Vec<(usize, f64, f64)>,
+    /// At the same instants, the opening of the joint where it opens most, mm; and where that is.
+    pub openings: (Vec<f64>, [f64; 2]),
     /// Root mean square of the difference, N.
     pub rms_n: f64,
     /// The largest magnitude of a measured force, N.
@@ -128,6 +130,7 @@ impl LoadCell {
             Some((index + 1, measured, computed))
         };
         let points: Vec<(usize, f64, f64)> = solution.instants.iter().enumerate().filter_map(point).collect();
+        let openings = Self::openings(model, solution, &points)?;
         let off = |(_, measured, computed): &(usize, f64, f64)| measured - computed;
         let n = points.len() as f64;
         let rms_n = (points.iter().map(|point| off(point).powi(2)).sum::<f64>() / n).sqrt();
@@ -135,7 +138,18 @@ impl LoadCell {
         let largest = (off(worst), worst.0);
         let peak_n = points.iter().fold(0.0_f64, |most, (_, measured, _)| most.max(measured.abs()));
         let (both, square) = points.iter().fold((0.0, 0.0), |(both, square), (_, m, c)| (both + m * c, square + c * c));
-        Some(LoadComparison { rms_n, peak_n, largest, scale: (square > 0.0).then(|| both / square), points })
+        Some(LoadComparison { rms_n, peak_n, largest, scale: (square > 0.0).then(|| both / square), points, openings })
+    }
+
+    /// The opening at the instants of `points`, of the pair of nodes that opens most in the last of them; and its place.
+    fn openings(model: &Model, solution: &Solution, points: &[(usize, f64, f64)]) -> Option<(Vec<f64>, [f64; 2])> {
+        let jumps = |&(instant, ..): &(usize, f64, f64)| {
+            Some(model.jumps(&solution.instants.get(instant.checked_sub(1)?)?.displacement))
+        };
+        let last = jumps(points.last()?)?;
+        let pair = (0..last.len()).max_by(|&a, &b| last[a].normal.abs().total_cmp(&last[b].normal.abs()))?;
+        let (at, _) = *model.pair_positions().get(pair)?;
+        Some((points.iter().map(|point| Some(jumps(point)?.get(pair)?.normal)).collect::<Option<_>>()?, at))
     }
 }
 
