@@ -33,7 +33,7 @@ from ._field import MARKS, Field
 from ._images import read_image
 from ._progress import Progress
 from ._quadrille import VERSION as __version__
-from ._runs import Event, Result, devices, identify, metrology, open_store, run, simulate, tournament
+from ._runs import Event, Result, devices, identify, metrology, open_store, run, simulate, to_xarray, tournament
 
 __all__ = [
     "MARKS",
@@ -63,5 +63,6 @@ __all__ = [
     "read_image",
     "run",
     "simulate",
+    "to_xarray",
     "tournament",
 ]

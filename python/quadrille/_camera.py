@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import _quadrille
-from ._correlator import plain_value
+from ._values import plain_value
 from ._errors import OptionError
 
 if TYPE_CHECKING:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import warnings
 from collections.abc import Mapping, Sequence
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 from . import _quadrille
 from ._errors import OptionError
 from ._field import Field
+from ._values import plain_value
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,23 +22,6 @@ if TYPE_CHECKING:
     from ._images import Image
 
     Zone: TypeAlias = Sequence[float] | Sequence[Sequence[float]] | Mapping[str, Any]
-
-
-def plain_value(value: Any, where: str) -> Any:
-    """``value`` without arrays, tuples and None, as a case file may hold it."""
-    if isinstance(value, Mapping):
-        return {str(key): plain_value(item, f"{where}.{key}") for key, item in value.items() if item is not None}
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, (list, tuple)):
-        return [plain_value(item, where) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        raise OptionError(f"{where} is {value}; give a finite number")
-    if hasattr(value, "__fspath__"):
-        return value.__fspath__()
-    if not isinstance(value, (bool, int, float, str)):
-        raise OptionError(f"{where} is a {type(value).__name__}; give a number, a word, or a list of them")
-    return value
 
 
 def zone_list(zones: Any) -> list[dict[str, Any]]:
@@ -167,8 +150,10 @@ class Correlator:
         """
         return self._field(self._engine.correlate(image))
 
-    def _field(self, found: Mapping[str, Any]) -> Field:
+    def _field(self, found: dict[str, Any]) -> Field:
+        measured, engine = found.pop("measured_field"), self._engine
         return Field(
+            _quantities=lambda case: engine.quantities(measured, case),
             positions=self.positions,
             elements=self.elements,
             node_zone=self.node_zone,

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import csv
+import json
+import math
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
+from ._errors import QuadrilleError
+from ._values import plain_value
+
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     import numpy as np
     import pandas
     import pyvista
     import xarray
     from matplotlib.axes import Axes
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from ._images import Image
 
@@ -19,6 +27,24 @@ if TYPE_CHECKING:
 MARKS = ("none", "misfit", "still", "no_texture", "left_image", "saturated", "no_match")
 
 _STRAINS = ("exx", "eyy", "exy")
+
+
+def columns_of(text: str) -> dict[str, Any]:
+    """A table of CSV: a list of texts, or an array, for each column."""
+    import numpy as np
+
+    rows = list(csv.reader(line for line in text.splitlines() if not line.startswith("#")))
+    names = {"status", "point", "line", "extensometer", "region", "opening", "crack", "mark", "end", "state", "zone"}
+    columns: dict[str, Any] = {}
+    for at, name in enumerate(rows[0]):
+        cells = [row[at] for row in rows[1:]]
+        columns[name] = cells if name in names else np.array([float(cell) if cell else math.nan for cell in cells])
+    return columns
+
+
+def _numbers(columns: dict[str, Any]) -> dict[str, float]:
+    """The numbers of a table with one row."""
+    return {name: float(values[0]) for name, values in columns.items() if not isinstance(values, list)}
 
 
 @dataclass(frozen=True, eq=False, repr=False, slots=True, kw_only=True)
@@ -78,14 +104,76 @@ class Field:
     window_strain_sigma: NDArray[np.float64] | None = None
     #: What they may be off at the node beyond noise, (n, 3): the window flattens. To be added to the sigma in squares.
     window_strain_model_error: NDArray[np.float64] | None = None
+    _quantities: Callable[[str], dict[str, str]] | None = None
+
+    def __getstate__(self) -> list[Any]:
+        # What measured it stays behind when a field is copied to another process.
+        return [None if own.name == "_quantities" else getattr(self, own.name) for own in fields(self)]
+
+    def probe(self, **sections: Any) -> dict[str, dict[str, Any]]:
+        """The tables of ``quadrille probe`` for this field: by their names, a dict with a column for each name. Numbers are arrays, NaN
+        where there is none; texts are lists. ``pandas.DataFrame(field.probe(...)["points"])`` is a table.
+
+        sections: of a case file, a mapping or a list of them: probe, line, extensometer, region, opening, crack, quantities.
+
+        Raises OptionError and CaseError for what means nothing, QuadrilleError for a field that was not made by a
+        :class:`Correlator` of this process.
+        """
+        if self._quantities is None:
+            raise QuadrilleError("this field was copied without what measured it; correlate again, or use `quadrille probe` on a run")
+        lists = {"probe", "line", "extensometer", "region", "opening", "crack"}
+        plain = plain_value(sections, "sections")
+        case = {key: [value] if key in lists and isinstance(value, dict) else value for key, value in plain.items()}
+        tables = {name: columns_of(text) for name, text in self._quantities(json.dumps(case)).items()}
+        return {name: {key: of for key, of in table.items() if key not in ("frame", "status")} for name, table in tables.items()}
+
+    def at(self, points: ArrayLike) -> dict[str, Any]:
+        """Displacement, strains and what follows from them at ``points``, (n, 2) or (2,), px, each with its standard uncertainty:
+        columns ``ux_px``, ``sigma_ux_px``, ``exx``, ``e1`` ... of ``points.csv``. NaN beside the mesh."""
+        import numpy as np
+
+        places = np.asarray(points, dtype=float).reshape(-1, 2).tolist()
+        return self.probe(probe=[{"point": place} for place in places])["points"]
+
+    def line(self, start: Sequence[float], end: Sequence[float], step_px: float | None = None) -> dict[str, Any]:
+        """The same along a line; ``along_px`` counts from ``start``. step_px: a quarter of the element size without."""
+        section = {"from": start, "to": end, **({} if step_px is None else {"step_px": step_px})}
+        return self.probe(line=section)["lines"]
+
+    def extensometer(self, start: Sequence[float], end: Sequence[float], width_px: float = 0.0) -> dict[str, float]:
+        """Elongation and strain between two points, px, or between two gauge lines of ``width_px`` across them: ``elongation_px``,
+        ``strain_engineering``, ``strain_true``, and ``sigma_`` of each."""
+        section = {"from": start, "to": end, "width_px": width_px}
+        return _numbers(self.probe(extensometer=section)["extensometers"])
+
+    def region(self, outline: str | Sequence[Any]) -> dict[str, float]:
+        """Means over a region and how it varies: a rectangle ``[x0, y0, x1, y1]``, a polygon ``[[x, y], ...]``, px, or the name of a
+        zone. ``measured_percent`` says how much of it has a value."""
+        key = "zone" if isinstance(outline, str) else "roi" if len(outline) == 4 and not hasattr(outline[0], "__len__") else "polygon"
+        return _numbers(self.probe(region={key: outline})["regions"])
+
+    def opening(self, plus: str, minus: str) -> dict[str, Any]:
+        """Opening and sliding between two zones along their facing edges, the upper one first: columns of ``openings.csv``."""
+        return self.probe(opening={"zones": [plus, minus]})["openings"]
 
     def __repr__(self) -> str:
         n, m = len(self.positions), len(self.elements)
         return f"<quadrille.Field: {self.status}, {int(self.measured.sum())} of {n} nodes, {m} elements, residual {self.residual_percent:.2f} %>"
 
+    def _repr_html_(self) -> str:
+        rows = {
+            "status": self.status,
+            "nodes measured": f"{int(self.measured.sum())} of {len(self.positions)}",
+            "elements": str(len(self.elements)),
+            "residual": f"{self.residual_grey:.3g} grey levels, {self.residual_percent:.2f} %",
+            "trust": self.trust,
+        }
+        cells = "".join(f"<tr><th style='text-align:left'>{name}</th><td style='text-align:left'>{text}</td></tr>" for name, text in rows.items())
+        return f"<table>{cells}</table>"
+
     def values(self, name: str) -> NDArray[np.float64]:
-        """Values at the nodes, (n,): ``ux``, ``uy``, ``u`` (size) at points, ``sigma_ux``, ``sigma_uy``, ``exx``, ``eyy``, ``exy``; at the
-        elements, (m,): ``residual``, ``misfit``.
+        """Values at the nodes, (n,): ``ux``, ``uy``, ``u`` (size) at points, ``sigma_ux``, ``sigma_uy``, ``exx``, ``eyy``, ``exy``, with
+        a strain window ``exx_window`` and so on, ``model_error`` (size); at the elements, (m,): ``residual``, ``misfit``.
 
         Raises KeyError for another name.
         """
@@ -101,11 +189,15 @@ class Field:
             return sigma[:, "xy".index(name[-1])]
         if name in _STRAINS:
             return self.strain[:, _STRAINS.index(name)]
+        if self.window_strain is not None and name.removesuffix("_window") in _STRAINS:
+            return self.window_strain[:, _STRAINS.index(name.removesuffix("_window"))]
+        if name == "model_error" and self.model_error is not None:
+            return np.hypot(self.model_error[:, 0], self.model_error[:, 1])
         if name == "residual":
             return self.residual
         if name == "misfit" and self.misfit is not None:
             return self.misfit
-        raise KeyError(f"{name!r} is no quantity of a field; there are ux, uy, u, sigma_ux, sigma_uy, exx, eyy, exy, residual, misfit")
+        raise KeyError(f"{name!r} is no quantity of a field; there are ux, uy, u, sigma_ux, sigma_uy, exx, eyy, exy, model_error, residual, misfit; with a strain window exx_window, eyy_window, exy_window")
 
     @property
     def trust(self) -> str:
@@ -232,7 +324,7 @@ class Field:
         ax.set_aspect("equal")
         ax.set_xlabel("x (px)")
         ax.set_ylabel("y (px)")
-        unit = "" if quantity in _STRAINS else " (grey levels)" if quantity == "residual" else " (px)"
+        unit = "" if quantity.removesuffix("_window") in _STRAINS else " (grey levels)" if quantity == "residual" else " (px)"
         figure = ax.get_figure()
         if figure is not None:
             figure.colorbar(drawn, ax=ax, label=f"{quantity}{unit}")

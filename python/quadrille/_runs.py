@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from . import _quadrille
 from ._correlator import case_text
+from ._field import columns_of
 from ._errors import CaseError, OptionError, StoreError
 
 if TYPE_CHECKING:
+    import xarray
     import zarr
 
     from ._correlator import Zone
@@ -42,6 +44,10 @@ class Result:
     def open_store(self) -> zarr.Group:
         """The fields of the run: see :func:`open_store`."""
         return open_store(self.folder)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Fields, quantities and loads over frames: see :func:`to_xarray`."""
+        return to_xarray(self.folder)
 
 
 def _names(files: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None) -> list[str]:
@@ -212,9 +218,57 @@ def open_store(path: Path_) -> zarr.Group:
         import zarr
     except ImportError as error:
         raise StoreError("to read a store zarr 3 is needed: pip install 'quadrille[store]'") from error
+    return zarr.open_group(str(_store_in(path)), mode="r")
+
+
+def _store_in(path: Path_) -> Path:
     folder = Path(path)
     inside = folder / "fields.zarr"
     folder = inside if inside.is_dir() else folder
     if not (folder / "zarr.json").is_file():
         raise StoreError(f"{path}: there is no store; name the folder of a run, or its fields.zarr")
-    return zarr.open_group(str(folder), mode="r")
+    return folder
+
+
+#: Tables of quantities with one row for each frame and thing, and the column that names the thing.
+_OF_FRAMES = {"points": "point", "extensometers": "extensometer", "regions": "region", "openings_mean": "opening"}
+
+
+def to_xarray(path: Path_) -> xarray.Dataset:
+    """A run as one dataset: fields over ``frame`` and ``node`` or ``element``, read lazily; the columns of the tables of quantities as
+    ``points_ux_px`` and so on over ``frame`` and ``point``, ``extensometer``, ``region`` or ``opening``; those of the load file over
+    ``frame``. Frames count from 1. Needs xarray and zarr.
+
+    path: the folder of a run, or its ``fields.zarr``.
+
+    Raises StoreError when there is no run.
+    """
+    import numpy as np
+    import xarray
+
+    store = _store_in(path)
+    data = xarray.open_zarr(str(store), consolidated=False, chunks=None)
+    data = data.assign_coords(
+        frame=np.arange(1, data.sizes["frame"] + 1),
+        component=["x", "y"],
+        x=data["node_position_px"][:, 0].drop_vars("component", errors="ignore"),
+        y=data["node_position_px"][:, 1].drop_vars("component", errors="ignore"),
+    )
+    if "strain_component" in data.sizes:
+        data = data.assign_coords(strain_component=["xx", "yy", "xy"])
+    for table, key in _OF_FRAMES.items():
+        file = store.parent / "quantities" / f"{table}.csv"
+        if not file.is_file():
+            continue
+        columns = columns_of(file.read_text(encoding="utf8"))
+        names = list(dict.fromkeys(columns[key]))
+        shape = (len(columns[key]) // len(names), len(names))
+        places = {"frame": columns["frame"].reshape(shape)[:, 0].astype(int), key: names}
+        # The columns of the load file stand before that of the names.
+        loads = list(columns)[2 : list(columns).index(key)]
+        for name, values in columns.items():
+            if name in loads:
+                data[name] = xarray.DataArray(values.reshape(shape)[:, 0], {"frame": places["frame"]}, ("frame",))
+            elif not isinstance(values, list) and name != "frame":
+                data[f"{table}_{name}"] = xarray.DataArray(values.reshape(shape), places, ("frame", key))
+    return data

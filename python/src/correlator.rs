@@ -1,7 +1,7 @@
 //! A prepared reference and the frames of a series that follow each other.
 
 use crate::errors::{raise, raised};
-use crate::field::{field, table};
+use crate::field::{Measured, field, table};
 use crate::images::{Levels, image_of, mask_of};
 use crate::json::{case_of, record};
 use crate::pool::pool;
@@ -72,6 +72,13 @@ impl Correlator {
         let image = image_of(image, "the image", Levels::Borrowed)?;
         let (found, strains) = py.detach(|| self.correlate_from(image, None)).map_err(raised)?;
         field(py, found, &strains)
+    }
+
+    /// What the sections of `case` ask for of a field: the text of a table of CSV by its name.
+    fn quantities<'py>(&self, py: Python<'py>, field: &Measured, case: &str) -> PyResult<Bound<'py, PyAny>> {
+        let asked = case_of(case, Path::new(OPTIONS))?.drawn();
+        let texts = py.detach(|| self.pool.install(|| self.prepared.quantities(&field.0, &asked)));
+        record(py, &texts.map_err(raised)?)
     }
 
     /// Places of the nodes, px.

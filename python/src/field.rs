@@ -6,7 +6,8 @@ use numpy::{Element, IntoPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use quadrille::correlate::Correlation;
-use quadrille::field::{ElementMark, StrainField, TensorStrain};
+use quadrille::field::{ElementMark, Measurement, StrainField, TensorStrain};
+use quadrille::units::Px;
 
 /// An array of `N` columns that holds `rows`, which are moved.
 pub fn table<T: Element, const N: usize>(py: Python<'_>, rows: Vec<[T; N]>) -> PyResult<Bound<'_, PyAny>> {
@@ -20,14 +21,20 @@ fn components(strains: &[Option<TensorStrain>]) -> Vec<[f64; 3]> {
     strains.iter().map(|strain| strain.map_or([f64::NAN; 3], TensorStrain::components)).collect()
 }
 
+/// A field as it was measured, to draw quantities from: see `Correlator.quantities`.
+#[pyclass(frozen, module = "quadrille._quadrille")]
+pub struct Measured(pub Measurement<Px>);
+
 /// Everything of a frame but the mesh, by the names of the attributes of `quadrille.Field`.
 pub fn field<'py>(py: Python<'py>, found: Correlation, strains: &StrainField) -> PyResult<Bound<'py, PyDict>> {
     let of = found.measurement;
+    let measured = Measured(of.clone());
     let known = |pairs: &[[f64; 2]]| {
         let pairs = pairs.iter().zip(&of.measured);
         pairs.map(|(pair, measured)| if *measured { *pair } else { [f64::NAN; 2] }).collect::<Vec<_>>()
     };
     let dict = PyDict::new(py);
+    dict.set_item("measured_field", measured)?;
     dict.set_item("status", of.status.name())?;
     dict.set_item("displacement", table(py, known(&of.displacement))?)?;
     dict.set_item("sigma", table(py, known(&of.sigma))?)?;

@@ -22,6 +22,8 @@ mod _quadrille {
     #[pymodule_export]
     use super::correlator::{Correlator, Tracker};
     #[pymodule_export]
+    use super::field::Measured;
+    #[pymodule_export]
     use super::images::read_image;
     #[pymodule_export]
     use super::runs::{command, devices, identify, metrology, run_case, run_series, simulate, tournament};

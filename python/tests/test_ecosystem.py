@@ -28,6 +28,24 @@ def test_xarray(field):
     assert np.array_equal(data.displacement.sel(component="y"), field.displacement[:, 1])
 
 
+def test_a_run_is_one_dataset(series, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("zarr")
+    (tmp_path / "loads.csv").write_text("load_N\n" + "".join(f"{10 * k}\n" for k in range(6)))
+    case = tmp_path / "case.toml"
+    case.write_text(
+        f"[images]\nreference = '{series}/000000.tif'\ndeformed = '{series}/*.tif'\n[[zone]]\nroi = [16, 16, 144, 112]\n[load]\n"
+        "file = 'loads.csv'\n[[probe]]\npoint = [40, 40]\n[[probe]]\npoint = [60, 50]\n[[region]]\nroi = [30, 30, 90, 90]\n"
+    )
+    result = quadrille.run(case, tmp_path / "out", device="cpu")
+    data = result.to_xarray()
+    assert data.sizes["frame"] == 5 and data.frame[0] == 1 and data.displacement_px.dims == ("frame", "node", "component")
+    assert data.load_N.values.tolist() == [10, 20, 30, 40, 50] and data.points_ux_px.dims == ("frame", "point")
+    assert np.isfinite(data.regions_exx.sel(region="region1")).all() and data.points_ux_px.sel(point="point2").size == 5
+    plain = xarray.open_zarr(str(tmp_path / "out/fields.zarr"), consolidated=False, chunks=None)
+    assert np.array_equal(plain.displacement_px, data.displacement_px, equal_nan=True)
+
+
 def test_matplotlib(field, reference, tmp_path):
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("Agg")

@@ -301,7 +301,7 @@ fn every_array_says_its_unit_its_meaning_and_its_axes() {
     for variable in Variable::ALL {
         let place = if variable.place() == Place::Nodes { "node" } else { "element" };
         let mut axes = vec!["frame", place];
-        axes.extend((!variable.components().is_empty()).then_some("component"));
+        axes.extend((!variable.components().is_empty()).then(|| variable.axis_of_components()));
         arrays.push((variable.name(), variable.unit(), axes));
     }
     for (name, unit, axes) in &arrays {

@@ -2,17 +2,21 @@
 //! themselves.
 
 use crate::camera::Rectifier;
-use crate::correlate::{Correlate, prepare};
-use crate::field::{Measurement, StrainDefinition, StrainField, StrainWindows, UpdateReference};
+use crate::correlate::{Correlate, Regularisation, prepare};
+use crate::field::{
+    Elements, Measurement, Quantities, StrainDefinition, StrainField, StrainWindow, StrainWindows, UpdateReference,
+};
 use crate::imaging::Image;
-use crate::io::case::{CaseFile, CaseZone, CrackPath};
+use crate::io::case::{CaseFile, CaseQuantities, CaseZone, CrackPath};
 use crate::io::series::Frame;
 use crate::mesh::Mask;
 use crate::remark::Remark;
+use crate::run::look::quantities::{Fields, resolve, texts};
 use crate::run::plan::{Images, Plan, Request, Zones, cut};
 use crate::run::words::Result;
 use crate::run::words::remarks::of_device;
-use crate::units::Px;
+use crate::units::{PixelSize, Px};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -27,7 +31,13 @@ pub struct InMemory {
     pub remarks: Vec<Remark>,
     /// How strains are made.
     pub strain: StrainDefinition,
+    window: Option<StrainWindow>,
     windows: Option<StrainWindows>,
+    pixel_size: Option<PixelSize>,
+    /// Its relative standard uncertainty.
+    pixel_size_std: f64,
+    /// Whether nodes are bound to each other: standard uncertainties of quantities are then upper bounds.
+    regularised: bool,
     /// Maps fields into the plane of the specimen.
     camera: Rectifier,
 }
@@ -86,7 +96,38 @@ impl InMemory {
         let correlator = prepare(&device, reference, &zones, plan.options.clone())?;
         let camera = Rectifier::new(plan.camera.clone().unwrap_or_default().camera(size)?, correlator.mesh())?;
         let windows = plan.strain_windows(camera.mesh());
-        Ok(Self { correlator, remarks, strain: plan.strain, windows, camera })
+        Ok(Self {
+            correlator,
+            remarks,
+            strain: plan.strain,
+            window: plan.strain_window,
+            windows,
+            pixel_size: plan.pixel_size,
+            pixel_size_std: plan.camera.as_ref().and_then(|camera| camera.pixel_size_relative_std).unwrap_or(0.0),
+            regularised: plan.options.regularisation != Regularisation::None
+                || plan.options.elements != Elements::Bilinear,
+            camera,
+        })
+    }
+
+    /// What is asked for of a field, a text of CSV for each table by its name: the tables of `quadrille probe`, with one
+    /// frame.
+    ///
+    /// # Errors
+    /// Places that mean nothing, names that come twice, zones that are not there.
+    pub fn quantities(&self, field: &Measurement<Px>, asked: &CaseQuantities) -> Result<BTreeMap<String, String>> {
+        let quantities =
+            Quantities { window: self.window, ..resolve(asked, self.strain, self.pixel_size, &self.camera)? };
+        let fields = Fields {
+            header: &[],
+            camera: &self.camera,
+            pixel_size: self.pixel_size,
+            pixel_size_std: self.pixel_size_std,
+            n_references: 1,
+            element_size_px: self.camera.raw_mesh().element_size(),
+            regularised: self.regularised,
+        };
+        texts(&quantities, fields, field)
     }
 
     /// The strains of a field, as the case wants them, in the plane that its camera sees.

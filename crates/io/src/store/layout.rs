@@ -210,6 +210,15 @@ impl Variable {
         }
     }
 
+    /// Name of the axis along its components.
+    pub fn axis_of_components(self) -> &'static str {
+        match self.n_components() {
+            2 => "component",
+            3 => "strain_component",
+            _ => "parameter",
+        }
+    }
+
     /// Values per node or element.
     pub fn n_components(self) -> usize {
         self.components().len().max(1)
@@ -317,7 +326,7 @@ impl Form {
             number: Number::F32,
             shape: vec![n_frames as u64, 2],
             chunk: vec![1, 2],
-            axes: vec!["frame", "component"],
+            axes: vec!["frame", "noise"],
             components: &["used", "residual"],
             unit: "grey levels",
             fill: None,
@@ -369,7 +378,8 @@ impl Form {
         let (mut shape, mut chunk) = (vec![n_frames as u64, n as u64], vec![1, n.max(1) as u64]);
         let mut axes = vec!["frame", variable.place().axis()];
         if !variable.components().is_empty() {
-            axes.push("component");
+            // One name for one length: readers with named axes (xarray) ask for that.
+            axes.push(variable.axis_of_components());
             [&mut shape, &mut chunk].into_iter().for_each(|list| list.push(variable.n_components() as u64));
         }
         Self {
