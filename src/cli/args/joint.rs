@@ -62,6 +62,8 @@ pub struct DemoArgs {
     pub laws: Vec<String>,
     #[command(flatten)]
     pub threads: Threads,
+    #[command(flatten)]
+    pub talk: Quiet,
 }
 
 #[derive(Debug, Args)]

@@ -126,6 +126,8 @@ pub struct ImagesArgs {
     /// Distance of the points at which the exact displacement is written, px.
     #[arg(long, value_name = "PX", default_value_t = 16, allow_negative_numbers = true)]
     pub grid: usize,
+    #[command(flatten)]
+    pub talk: Quiet,
 }
 
 /// Depth of the images of a virtual test.
@@ -197,6 +199,8 @@ pub struct VirtualArgs {
     pub kinematics: VirtualKinematics,
     #[command(flatten)]
     pub threads: Threads,
+    #[command(flatten)]
+    pub talk: Quiet,
 }
 
 /// The usual tests of an adhesive.
@@ -267,6 +271,8 @@ pub struct SpecimenArgs {
     /// Of mmb: from the middle of the span to the load on the lever, mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub lever: Option<f64>,
+    #[command(flatten)]
+    pub talk: Quiet,
 }
 
 #[derive(Debug, Args)]

@@ -32,6 +32,15 @@ pub struct Quiet {
     pub quiet: bool,
 }
 
+impl Quiet {
+    /// Says something on stderr, unless only errors are wanted.
+    pub fn say(self, what: std::fmt::Arguments<'_>) {
+        if !self.quiet {
+            eprintln!("{what}");
+        }
+    }
+}
+
 /// What figures are made for.
 #[derive(Debug, Clone, Copy, Default, Args)]
 #[command(next_help_heading = "Output")]

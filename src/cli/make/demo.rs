@@ -1,7 +1,7 @@
 //! `quadrille demo`: the virtual test, run from its images to the report, against the truth.
 
 use crate::cli::about::devices;
-use crate::cli::args::DemoArgs;
+use crate::cli::args::{DemoArgs, ProgressKind};
 use crate::cli::identify::case;
 use crate::cli::make::virtual_test;
 use crate::cli::talk::{Paint, Talk};
@@ -94,10 +94,10 @@ pub(crate) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
         laws_of(&args.laws)?;
     }
     let options = VirtualOptions { seed: args.seed, ..VirtualOptions::default() };
-    eprintln!(
+    args.talk.say(format_args!(
         "the virtual test: a bonded joint is pulled apart in the computer and photographed {} times",
         options.instants + 1
-    );
+    ));
     let (test_folder, run_folder) = (args.output.join("test"), args.output.join("run"));
     let pool = args.threads.pool()?;
     let test = pool.install(|| VirtualTest::new(options))?;
@@ -111,7 +111,7 @@ pub(crate) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
         ..CaseRun::new(test_folder.join("case.toml"), &run_folder)
     };
     // The page is named with the other results, at the end.
-    let outcome = case::of_case(&asked, args.threads, (Talk::Normal, paint), |_| ())?;
+    let outcome = case::of_case(&asked, args.threads, (Talk::of(ProgressKind::Text, args.talk.quiet), paint), |_| ())?;
     let fit: FitRecord = read_json(&run_folder.join("fit.json"))?;
     let Truth { images } = read_json(&test_folder.join("truth.json"))?;
     let store = Store::open(correlation_in(&run_folder))?;
@@ -139,7 +139,9 @@ pub(crate) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
         images,
     };
     folder.write_json("demo.json", &demo)?;
-    print(&demo, &args.output);
+    if !args.talk.quiet {
+        print(&demo, &args.output);
+    }
     Ok(outcome)
 }
 

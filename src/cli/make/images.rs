@@ -38,7 +38,7 @@ pub(crate) fn run(args: &ImagesArgs) -> Result<Outcome> {
             let outcome = make(args, peel)?;
             // Three pixels off the band: its pixels would be mixed into those of the faces.
             let (upper, lower) = ((peel.upper_edge() - 3.0).floor(), (peel.lower_edge() + 3.0).ceil());
-            eprintln!("the strips: --roi 0,0,{width},{upper} --roi 0,{lower},{width},{height}");
+            args.talk.say(format_args!("the strips: --roi 0,0,{width},{upper} --roi 0,{lower},{width},{height}"));
             Ok(outcome)
         }
     }
@@ -80,7 +80,11 @@ fn make<M: Motion>(args: &ImagesArgs, motion: M) -> Result<Outcome> {
         "frame_of_reference": "x right, y down, origin at the centre of the top-left pixel; u on reference coordinates",
     });
     write_file(&args.output.join("synth.json"), format!("{about:#}\n"))?;
-    eprintln!("{} images and their exact displacements in {}", args.frames + 1, args.output.display());
+    args.talk.say(format_args!(
+        "{} images and their exact displacements in {}",
+        args.frames + 1,
+        args.output.display()
+    ));
     Ok(Outcome::Fine)
 }
 

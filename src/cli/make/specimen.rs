@@ -25,6 +25,7 @@ pub(crate) fn run(args: &SpecimenArgs) -> Result<Outcome> {
     make_folder(folder)?;
     write_new(&folder.join("mesh.json"), &specimen.mesh_json(), args.results.overwrite)?;
     write_new(&folder.join("case.toml"), &specimen.case, args.results.overwrite)?;
-    eprintln!("compute it with: quadrille simulate {} --output out", folder.join("case.toml").display());
+    let case = folder.join("case.toml");
+    args.talk.say(format_args!("compute it with: quadrille simulate {} --output out", case.display()));
     Ok(Outcome::Fine)
 }

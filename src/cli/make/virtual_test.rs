@@ -52,8 +52,12 @@ pub(crate) fn run(args: &VirtualArgs) -> Result<Outcome> {
         .ok_or_else(|| format!("--law {}: no such law has the strengths and works of the default one", args.law))?;
     make(&pool.install(|| VirtualTest::with_law(options, law))?, &args.output, &pool)?;
     let case = args.output.join("case.toml");
-    eprintln!("the virtual test in {}: images, load.csv, truth.json, truth", args.output.display());
-    eprintln!("next: quadrille run {} --output {}", case.display(), args.output.join("run").display());
+    args.talk.say(format_args!("the virtual test in {}: images, load.csv, truth.json, truth", args.output.display()));
+    args.talk.say(format_args!(
+        "next: quadrille run {} --output {}",
+        case.display(),
+        args.output.join("run").display()
+    ));
     Ok(Outcome::Fine)
 }
 
