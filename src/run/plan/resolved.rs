@@ -400,8 +400,8 @@ fn regularisation(
 fn quantities_of(case: &CaseFile) -> CaseQuantities {
     let mut drawn = case.drawn();
     if let Some(load) = &mut drawn.load {
-        let found = |file: &String| if file.is_empty() { String::new() } else { absolute(Path::new(file)) };
-        load.file = found(&load.file);
+        let found = |file: &String| absolute(Path::new(file));
+        load.file = Some(&load.file).filter(|file| !file.is_empty()).map(found).unwrap_or_default();
         load.frame_times = load.frame_times.as_ref().map(found);
     }
     drawn

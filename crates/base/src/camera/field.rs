@@ -2,7 +2,7 @@
 
 use super::still::{Similarity, StillMotion, StillZones};
 use super::term::CameraTerm;
-use super::{Camera, CameraError, PARAMETERS, Theta};
+use super::{Camera, CameraError, PARAMETERS};
 use crate::field::{Measurement, ModelError, PointField};
 use crate::mesh::Mesh;
 use crate::plane::Point;
@@ -48,6 +48,8 @@ pub struct Rectifier {
     raw: Arc<Mesh<Px>>,
     /// Its nodes in the plane; the same mesh where the camera is plain.
     plane: Arc<Mesh<Px>>,
+    /// At each of its nodes, what the columns of the camera change there.
+    at_rest: Vec<Vec<Point>>,
     /// The zones that stay as they are.
     still: Option<StillZones>,
 }
@@ -61,13 +63,15 @@ impl Rectifier {
         let raw = Arc::clone(mesh);
         let still = |plane: &Mesh<Px>| StillZones::new(&camera.shape().still, &raw, plane.nodes());
         if camera.is_plain() {
-            return Ok(Self { still: still(&raw)?, camera, plane: Arc::clone(&raw), raw });
+            let at_rest = changes(&camera, raw.nodes());
+            return Ok(Self { still: still(&raw)?, camera, plane: Arc::clone(&raw), at_rest, raw });
         }
         let place = |&[x, y]: &Point| camera.plane([x, y]).ok_or(CameraError::Folds { x, y });
         let places = mesh.nodes().iter().map(place).collect::<Result<Vec<_>, _>>()?;
         let [x, y] = mesh.nodes().first().copied().unwrap_or_default();
         let plane = mesh.with_nodes(&places).map_err(|_| CameraError::Folds { x, y })?;
-        Ok(Self { still: still(&plane)?, camera, raw, plane: Arc::new(plane) })
+        let at_rest = changes(&camera, plane.nodes());
+        Ok(Self { still: still(&plane)?, camera, raw, plane: Arc::new(plane), at_rest })
     }
 
     /// The camera.
@@ -141,33 +145,32 @@ impl Rectifier {
     pub fn terms(&self, plane: &Measurement<Px>) -> Vec<CameraTerm> {
         let at = |node: usize| {
             let (from, u) = (self.plane.nodes()[node], plane.displacement[node]);
-            (from, [from[0] + u[0], from[1] + u[1]])
+            [from[0] + u[0], from[1] + u[1]]
         };
-        let of_nodes = |name: &'static str, change: &dyn Fn(Point, Point) -> Option<Point>| {
-            let of_node = |node: usize| {
-                let (from, to) = at(node);
-                if plane.measured[node] { change(from, to).unwrap_or_default() } else { [0.0; 2] }
-            };
+        let of_nodes = |name: &'static str, change: &dyn Fn(usize) -> Option<Point>| {
+            let of_node = |node: usize| if plane.measured[node] { change(node).unwrap_or_default() } else { [0.0; 2] };
             CameraTerm { name, change: (0..plane.measured.len()).map(of_node).collect() }
         };
-        let by = |theta: &Theta, from: Point, to: Point| {
-            let (a, b) = (self.camera.plane_change(to, theta)?, self.camera.plane_change(from, theta)?);
+        let places: Vec<Point> = (0..plane.measured.len()).map(at).collect();
+        let there = changes(&self.camera, &places);
+        let by = |column: usize, node: usize| {
+            let (a, b) = (there[node].get(column)?, self.at_rest[node].get(column)?);
             Some([a[0] - b[0], a[1] - b[1]])
         };
         let names = self.camera.shape().covariance.of.iter().map(|&k| NAMES[k]);
-        let mut terms: Vec<CameraTerm> = (self.camera.columns().iter().zip(names))
-            .map(|(theta, name)| of_nodes(name, &|from, to| by(theta, from, to)))
+        let mut terms: Vec<CameraTerm> = (0..self.camera.columns().len())
+            .zip(names)
+            .map(|(column, name)| of_nodes(name, &|node| by(column, node)))
             .collect();
         let Some(still) = &self.still else {
             let shape = self.camera.shape();
             if shape.distance_std > 0.0 {
                 let centre = [shape.theta[5], shape.theta[6]];
-                let nearer = |_, to: Point| Some([0, 1].map(|c| shape.distance_std * (to[c] - centre[c])));
+                let nearer = |node: usize| Some([0, 1].map(|c| shape.distance_std * (places[node][c] - centre[c])));
                 terms.push(of_nodes("distance", &nearer));
             }
             return terms;
         };
-        let places: Vec<Point> = (0..plane.measured.len()).map(|node| at(node).1).collect();
         let similarity = still.fit(plane, &plane.displacement);
         // Of what the camera is off the still zones take their part.
         for term in &mut terms {
@@ -183,6 +186,12 @@ impl Rectifier {
         }
         terms
     }
+}
+
+/// What the columns of the camera change at places of the plane; nothing where it does not see.
+fn changes(camera: &Camera, places: &[Point]) -> Vec<Vec<Point>> {
+    let columns = camera.columns();
+    places.iter().map(|&at| camera.plane_changes(at, columns).unwrap_or_default()).collect()
 }
 
 /// Brings the displacement of each measured node to what `map` makes of it, which gives its slope as well; a node where

@@ -175,10 +175,15 @@ impl Camera {
     /// Change of the point of the plane that is seen at a raw pixel, for a change of the parameters:
     /// `dX/dtheta = -(dP/dX)^-1 dP/dtheta`. `at` is that point.
     pub fn plane_change(&self, at: Point, by: &Theta) -> Option<Point> {
+        self.plane_changes(at, std::slice::from_ref(by))?.first().copied()
+    }
+
+    /// The same for several changes, for which the derivatives are made once.
+    pub fn plane_changes(&self, at: Point, by: &[Theta]) -> Option<Vec<Point>> {
         let slope = self.plane_slope(at)?;
         let list = self.by_parameters(at);
-        let sum = [0, 1].map(|c| -list.iter().zip(by).map(|(by, t)| by[c] * t).sum::<f64>());
-        Some(times(slope, sum))
+        let sum = |by: &Theta| [0, 1].map(|c| -list.iter().zip(by).map(|(by, t)| by[c] * t).sum::<f64>());
+        Some(by.iter().map(|by| times(slope, sum(by))).collect())
     }
 
     fn normalised(&self, px: Point) -> Point {

@@ -2,7 +2,7 @@
 
 use crate::field::{ElementMark, Measurement, PointFilter};
 use crate::mesh::{Mesh, corners_of};
-use crate::units::Length;
+use crate::units::{Length, Px};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -48,6 +48,8 @@ pub struct NodalNoise {
     marks: Option<Vec<ElementMark>>,
     /// Whether what is read is made of coefficients as they stand.
     reads_coefficients: bool,
+    /// The mesh in the image, where fields are mapped into a plane: what makes values at points belongs to the image.
+    of_image: Option<Arc<Mesh<Px>>>,
     points: OnceLock<PointFilter>,
     columns: Mutex<HashMap<usize, Arc<Column>>>,
 }
@@ -91,6 +93,11 @@ impl NodalNoise {
         Self { reads_coefficients: true, ..self }
     }
 
+    /// The same for fields that a camera maps from the mesh `of_image` into the plane.
+    pub fn mapped_from(self, of_image: &Arc<Mesh<Px>>) -> Self {
+        Self { of_image: Some(Arc::clone(of_image)), ..self }
+    }
+
     /// Nothing is known of the correlations: standard uncertainties become upper bounds, `sum |weight| sigma`.
     pub fn unknown<U: Length>(mesh: &Mesh<U>, measured: &[bool]) -> Self {
         let mut around = vec![Vec::new(); mesh.n_nodes()];
@@ -100,7 +107,7 @@ impl NodalNoise {
             }
         }
         let (measured, points, columns) = (measured.to_vec(), OnceLock::new(), Mutex::default());
-        Self { mass: None, around, measured, marks: None, reads_coefficients: true, points, columns }
+        Self { mass: None, around, measured, marks: None, reads_coefficients: true, of_image: None, points, columns }
     }
 
     /// The same of `field`; what is read at points is made of values there if the field has any, as that of splines.
@@ -138,8 +145,11 @@ impl NodalNoise {
         if self.reads_coefficients {
             return shape.to_vec();
         }
-        let made = || PointFilter::new(mesh, &self.measured, self.marks.as_deref());
-        self.points.get_or_init(made).at(mesh, shape)
+        let (measured, marks) = (&self.measured, self.marks.as_deref());
+        match &self.of_image {
+            Some(raw) => self.points.get_or_init(|| PointFilter::new(raw, measured, marks)).at(raw, shape),
+            None => self.points.get_or_init(|| PointFilter::new(mesh, measured, marks)).at(mesh, shape),
+        }
     }
 
     /// Whether standard uncertainties are upper bounds only.
@@ -276,7 +286,6 @@ fn is_whole<U: Length>(mesh: &Mesh<U>, measured: &[bool], element: usize) -> boo
 mod tests {
     use super::*;
     use crate::mesh::Grid;
-    use crate::units::Px;
 
     fn grid(nx: usize, ny: usize) -> Mesh<Px> {
         let grid = Grid { x0: 0.0, y0: 0.0, hx: 16.0, hy: 16.0, nx, ny, first_node: 0, first_element: 0 };
