@@ -103,20 +103,24 @@ impl ForceRecord {
         write_table(out, &[version(), self.text.clone()], &columns, rows)
     }
 
-    /// Measured and computed force, each picture with its name: `force` over the instants, `force-opening` over the opening.
+    /// Measured and computed force, each picture with its name: `force` over the instants, `force-opening` over the opening
+    /// of a joint that opens.
     ///
     /// # Errors
     /// Values without a finite range.
-    pub fn draw(&self) -> Result<[(&'static str, Picture); 2], ReportError> {
-        let [over_instants, over_opening] = self.plots();
-        Ok([("force", over_instants.draw()?), ("force-opening", over_opening.draw()?)])
+    pub fn draw(&self) -> Result<Vec<(&'static str, Picture)>, ReportError> {
+        ["force", "force-opening"].into_iter().zip(self.plots()).map(|(name, plot)| Ok((name, plot.draw()?))).collect()
     }
 
     /// The same before they are drawn.
-    pub(super) fn plots(&self) -> [Plot; 2] {
+    pub(super) fn plots(&self) -> Vec<Plot> {
+        /// An opening, mm, below which there is nothing but rounding.
+        const NONE: f64 = 1e-9;
         let [x, y] = self.opening_at_mm;
         let opening = format!("opening at ({x:.2}, {y:.2}) mm, where it is largest (mm)");
-        [self.plot("instant", |point| point.instant as f64), self.plot(&opening, |point| point.opening_mm)]
+        let opens = self.points.iter().any(|point| point.opening_mm.abs() > NONE);
+        let over_opening = opens.then(|| self.plot(&opening, |point| point.opening_mm));
+        [self.plot("instant", |point| point.instant as f64)].into_iter().chain(over_opening).collect()
     }
 
     fn plot(&self, over: &str, x: fn(&ForcePoint) -> f64) -> Plot {

@@ -60,7 +60,7 @@ pub struct QuantityTables<'a, W: Write> {
     /// Of the fields, by their numbers, how the still zones seem to move.
     still: Vec<(usize, Option<StillMotion>)>,
     frames: Vec<usize>,
-    /// The first cells of their rows: number, status, loads.
+    /// The first cells of their rows, number, status, loads, where rates are asked for.
     keys: Vec<Vec<String>>,
     without_field: Vec<usize>,
     n_fields: usize,
@@ -376,7 +376,8 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             }
             let windows = self.windows.as_ref();
             let terms = self.camera.map_or_else(Vec::new, |camera| camera.terms(field));
-            let off = |term: CameraTerm| self.quantities.draw(&field.changed(&term.change), noise, windows);
+            let values = noise.values_only();
+            let off = |term: CameraTerm| self.quantities.draw(&field.changed(&term.change), &values, windows);
             Drawn { values: self.quantities.draw(field, noise, windows), changed: terms.into_iter().map(off).collect() }
         });
         let whole = drawn.as_ref();
@@ -404,7 +405,9 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         if let [.., Some(table)] = &mut self.tables {
             table.row(&keys, whole, |_| still_cells(still).to_vec())?;
         }
-        self.keys.push(keys);
+        if self.quantities.rate_window_s.is_some() {
+            self.keys.push(keys);
+        }
         Ok(whole.map(|drawn| drawn.values.clone()))
     }
 

@@ -60,8 +60,8 @@ impl IdentificationReport<'_> {
             blocks.push(Block::Heading("The load cell".into()));
             blocks.push(Block::sentence(&force.text));
             let caption = if force.used { "It took part in the fit" } else { "It took no part in the fit" };
-            let plots = force.plots().map(|plot| Block::curves(&plot, caption));
-            blocks.push(Block::Grid(plots.into_iter().collect::<Result<_, _>>()?));
+            let plots = force.plots().into_iter().map(|plot| Block::curves(&plot, caption));
+            blocks.push(Block::Grid(plots.collect::<Result<_, _>>()?));
         }
         if let Some(matrix) = &fit.correlation {
             blocks.push(Block::Heading("Correlation of the parameters".into()));

@@ -266,9 +266,10 @@ pub(crate) fn texts(
     let open = |name: &str| Ok(kept.entry(name.to_owned()).or_default().clone());
     let tables = QuantityTables::new(quantities, &load, plane, regularised, element_size_px, header, open);
     let mut tables = tables.map_err(failed)?;
-    let status = Some(field.status);
-    let field = field.status.has_field().then(|| camera.rectify(field));
-    tables.frame(1, status, field.as_deref(), None).map_err(failed)?;
+    let measured = Some(field).filter(|field| field.status.has_field());
+    let still = measured.and_then(|field| camera.still_motion(field));
+    let plane = measured.map(|field| camera.rectify(field));
+    tables.frame(1, Some(field.status), plane.as_deref(), still).map_err(failed)?;
     tables.finish().map_err(failed)?;
     Ok(kept.into_iter().map(|(name, kept)| (name, String::from_utf8_lossy(&kept.0.borrow()).into_owned())).collect())
 }

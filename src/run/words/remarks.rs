@@ -51,11 +51,12 @@ fn of_scale(camera_of_case: Option<&CaseCamera>, frames: &[FrameSummary]) -> Opt
     });
     let (strain, number, is_of_ground) = strains.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))?;
     let what = if is_of_ground { format!("the zone '{STILL}'") } else { "all that is measured".to_owned() };
+    let grow = if strain > 0.0 { "grow" } else { "shrink" };
     let text = format!(
-        "{what} seems to grow by {:.0} microstrain alike in all directions (frame {number}): heat or two equal loads, or a \
+        "{what} seems to {grow} by {:.0} microstrain alike in all directions (frame {number}): heat or two equal loads, or a \
          distance to the camera that changed by as much; name zones that do not deform in `[camera] still`, or state \
          `distance_std`",
-        1e6 * strain
+        1e6 * strain.abs()
     );
     let remark = Remark::new(Code::ScaleChanged, About::Run, text).with("strain", strain);
     (strain.abs() > MORE * USUAL_DISTANCE).then(|| remark.with("frame", number as f64))

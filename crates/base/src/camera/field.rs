@@ -191,6 +191,9 @@ impl Rectifier {
 /// What the columns of the camera change at places of the plane; nothing where it does not see.
 fn changes(camera: &Camera, places: &[Point]) -> Vec<Vec<Point>> {
     let columns = camera.columns();
+    if columns.is_empty() {
+        return vec![Vec::new(); places.len()];
+    }
     places.iter().map(|&at| camera.plane_changes(at, columns).unwrap_or_default()).collect()
 }
 

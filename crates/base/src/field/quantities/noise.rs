@@ -37,12 +37,12 @@ const PRECISION: f64 = 1e-9;
 /// assert!((noise.correlation(centre, centre + 1) - (3f64.sqrt() - 2.0)).abs() < 1e-4);
 /// assert_eq!(noise.correlation(centre, centre), 1.0);
 /// ```
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct NodalNoise {
     /// Rows of the mass matrix over the elements with all nodes measured; `None` when correlations are unknown.
-    mass: Option<Vec<Vec<(u32, f64)>>>,
+    mass: Option<Arc<Rows>>,
     /// Elements with all nodes measured around each node.
-    around: Vec<Vec<u32>>,
+    around: Arc<Vec<Vec<u32>>>,
     measured: Vec<bool>,
     /// Marks of the elements, where they are known.
     marks: Option<Vec<ElementMark>>,
@@ -50,9 +50,14 @@ pub struct NodalNoise {
     reads_coefficients: bool,
     /// The mesh in the image, where fields are mapped into a plane: what makes values at points belongs to the image.
     of_image: Option<Arc<Mesh<Px>>>,
-    points: OnceLock<PointFilter>,
-    columns: Mutex<HashMap<usize, Arc<Column>>>,
+    /// Whether standard uncertainties are wanted.
+    is_wanted: bool,
+    points: Arc<OnceLock<PointFilter>>,
+    columns: Arc<Mutex<HashMap<usize, Arc<Column>>>>,
 }
+
+/// Rows of a sparse matrix.
+type Rows = Vec<Vec<(u32, f64)>>;
 
 /// Column of the inverse mass matrix near its node, by the numbers of the nodes.
 type Column = Vec<(usize, f64)>;
@@ -78,7 +83,7 @@ impl NodalNoise {
                 }
             }
         }
-        noise.mass = Some(rows.into_iter().map(|row| row.into_iter().collect()).collect());
+        noise.mass = Some(Arc::new(rows.into_iter().map(|row| row.into_iter().collect()).collect()));
         noise.reads_coefficients = false;
         noise
     }
@@ -98,6 +103,11 @@ impl NodalNoise {
         Self { of_image: Some(Arc::clone(of_image)), ..self }
     }
 
+    /// The same, for which every standard uncertainty is zero: for values that are read to see what changes them.
+    pub fn values_only(&self) -> Self {
+        Self { is_wanted: false, ..self.clone() }
+    }
+
     /// Nothing is known of the correlations: standard uncertainties become upper bounds, `sum |weight| sigma`.
     pub fn unknown<U: Length>(mesh: &Mesh<U>, measured: &[bool]) -> Self {
         let mut around = vec![Vec::new(); mesh.n_nodes()];
@@ -106,8 +116,17 @@ impl NodalNoise {
                 around[node as usize].push(element as u32);
             }
         }
-        let (measured, points, columns) = (measured.to_vec(), OnceLock::new(), Mutex::default());
-        Self { mass: None, around, measured, marks: None, reads_coefficients: true, of_image: None, points, columns }
+        Self {
+            mass: None,
+            around: Arc::new(around),
+            measured: measured.to_vec(),
+            marks: None,
+            reads_coefficients: true,
+            of_image: None,
+            is_wanted: true,
+            points: Arc::default(),
+            columns: Arc::default(),
+        }
     }
 
     /// The same of `field`; what is read at points is made of values there if the field has any, as that of splines.
@@ -171,19 +190,27 @@ impl NodalNoise {
     /// Standard deviation of `sum (w_x u_x + w_y u_y)` over nodes, in order of their numbers, with the standard
     /// uncertainties `sigma`.
     pub(super) fn sigma(&self, weights: &[(usize, [f64; 2])], sigma: &[[f64; 2]]) -> f64 {
+        if !self.is_wanted {
+            return 0.0;
+        }
         let sizes: Vec<[f64; 2]> = weights.iter().map(|&(node, w)| [0, 1].map(|c| w[c] * sigma[node][c])).collect();
         if self.mass.is_none() {
             return sizes.iter().flatten().map(|size| size.abs()).sum();
         }
         // The columns once: a value at a point is a sum over some sixteen nodes.
         let columns: Vec<Arc<Column>> = weights.iter().map(|&(node, _)| self.column(node)).collect();
-        let own = |k: usize| entry(&columns[k], weights[k].0).unwrap_or(0.0);
+        let own: Vec<f64> =
+            columns.iter().zip(weights).map(|(column, (node, _))| entry(column, *node).unwrap_or(0.0)).collect();
+        // Of many nodes, where each stands among the weights; 0: nowhere.
+        let is_long = columns.iter().any(|column| column.len() < weights.len());
+        let mut places = vec![0; weights.last().filter(|_| is_long).map_or(0, |(node, _)| node + 1)];
+        (1..).zip(weights).filter(|_| is_long).for_each(|(place, (node, _))| places[*node] = place);
         let mut variance = 0.0;
         for i in 0..weights.len() {
             variance += sizes[i][0] * sizes[i][0] + sizes[i][1] * sizes[i][1];
             let mut add = |j: usize, covariance: f64| {
                 let products = sizes[i][0] * sizes[j][0] + sizes[i][1] * sizes[j][1];
-                let both = own(i) * own(j);
+                let both = own[i] * own[j];
                 if products != 0.0 && both > 0.0 {
                     variance += 2.0 * products * covariance / both.sqrt();
                 }
@@ -192,10 +219,8 @@ impl NodalNoise {
             if i < columns[i].len() {
                 (0..i).filter_map(|j| Some((j, entry(&columns[i], weights[j].0)?))).for_each(|(j, v)| add(j, v));
             } else {
-                let reached = columns[i].iter().map_while(|&(node, v)| {
-                    (node < weights[i].0).then(|| (weights.binary_search_by_key(&node, |(other, _)| *other), v))
-                });
-                reached.for_each(|(j, v)| j.into_iter().for_each(|j| add(j, v)));
+                let before = columns[i].iter().take_while(|(node, _)| *node < weights[i].0);
+                before.filter(|(node, _)| places[*node] > 0).for_each(|&(node, v)| add(places[node] - 1, v));
             }
         }
         // Rounding, and correlations cut at their reach, may leave less than nothing.
