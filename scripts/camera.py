@@ -15,6 +15,7 @@ error over uncertainty, noise and camera together, of points, strains at points,
               tilts and size of a pixel hold within 1.96 sigma
     joint     the virtual test, carried along by 18 px: a lens of 0.3 % that is stated; the distance drifts by 1e-3 between
               still zones. Intervals that hold of N seeds (10), three of each, with and without the camera
+    cost      processor time of a series with a camera over one without: alone, with a gauge, with a region of 10^4 nodes
     figure    docs/images/lens-before.png and lens-after.png, drawn anew into --keep DIR; not by default
 
 Exit status 1 when a limit fails: z of all lens and of all rails scenes 0.85 to 1.15; a warning in each run without a camera
@@ -26,6 +27,7 @@ import csv
 import json
 import math
 import pathlib
+import resource
 import subprocess
 import tempfile
 import tomllib
@@ -374,6 +376,25 @@ class Judge:
                 self.hold(held >= 0.9 * len(z), f"{name}: {held} of {len(z)} hold")
         verdicts.SIDE = SIDE
 
+    def cost(self, draws=5):
+        images = self.folder / "series"
+        self.call("make", "images", "affine", "--size", "1024x1024", "--frames", 60, "--noise", 1, "--output", images, "--overwrite")
+        zone = '[[zone]]\nname = "all"\nroi = [8, 8, 1008, 1008]\n'
+        gauge = "[[extensometer]]\nfrom = [200, 500]\nto = [800, 500]\n"
+        stated = ("[camera]\nimage_size_px = [1024, 1024]\ndistortion = [1e-3]\ndistortion_std = [1e-4]\ntilt_per_px = [1e-6, 0.0]\n"
+                  "tilt_per_px_std = [1e-7, 1e-7]\n")
+        for name, case, size in (("alone", "", 16), ("a gauge", gauge, 16), ("a region", '[[region]]\nzone = "all"\n', 10)):
+            times = []
+            for way, section in (("exact", "[camera]\nexact = true\n"), ("stated", stated)) * draws:
+                (self.folder / "cost.toml").write_text(section + zone + case)
+                before = resource.getrusage(resource.RUSAGE_CHILDREN)
+                self.call("correlate", "--case", self.folder / "cost.toml", "--threads", 1, "--element-size", size, "--output",
+                          self.folder / "cost", "--overwrite", "--quiet", "--no-report", "--export", "none", images)
+                after = resource.getrusage(resource.RUSAGE_CHILDREN)
+                times.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+            exact, with_camera = np.median(times[::2]), np.median(times[1::2])
+            self.row(f"cost, {name} (s, s, ratio)", [f"{exact:.2f}", f"{with_camera:.2f}", f"{with_camera / exact:.2f}"])
+
     def figure(self, side=512):
         verdicts.SIDE, verdicts.MIDDLE = side, 0.5 * side
         camera, folder = Camera(side, 1e-3, 0), self.folder / "figure"
@@ -478,6 +499,8 @@ def main():
         judge.target()
     if "joint" in asked.scenes:
         judge.joint(asked.seeds)
+    if "cost" in asked.scenes:
+        judge.cost()
     if "figure" in asked.scenes:
         judge.figure()
     print("\n".join(judge.failed) or "all limits hold")
