@@ -6,7 +6,7 @@ PROFILE ?=
 # With NumPy (scripts/requirements.txt), where `make test` has installed it.
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 
-.PHONY: help build wheel windows demo paper real study fuzz release-check soak package deny licences test check bench results book clean
+.PHONY: help build wheel windows demo paper real study fuzz release release-check soak package deny licences test check bench results book clean
 
 help: ## List what make can do (the default)
 	@sed -n 's/^\([a-z-]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
@@ -55,6 +55,9 @@ study: ## Uncertainty, identification over many seeds and draws, obstacles, for 
 
 fuzz: ## Attack all readers of files, guided by coverage, SECONDS=3600 for each; findings in out/fuzz
 	scripts/fuzz.sh $(or $(SECONDS),3600)
+
+release: ## Archives, wheels, checksums, bills of materials and notes; in out/release (PARTS="sbom notes" for some)
+	scripts/release.sh $(PARTS)
 
 release-check: ## What is long and seldom tells more (PARTS="miri wheel" for some; scripts/release-check.sh lists them)
 	scripts/release-check.sh $(PARTS)

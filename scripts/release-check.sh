@@ -7,6 +7,7 @@
 #     deny      licences, sources and advisories of the crates that are used (deny.toml)
 #     features  the library without its optional parts
 #     package   what crates.io would get
+#     release   archive, bill of materials, notes and checksums of a release
 #     book      the pages as one book
 #     examples  the examples of the library, run
 #     testbed   the tests of benches/testbed: figures of the benches, the paper again
@@ -26,11 +27,16 @@ profile=(--profile ci)
 whole=(--locked --workspace --exclude quadrille-testbed "${profile[@]}")
 export QUADRILLE_GPU=${QUADRILLE_GPU:-require}
 parts=("$@")
-[ ${#parts[@]} -gt 0 ] || parts=(deny features package book examples testbed gate browser slurm thorough fuzz drivers wheel miri)
+[ ${#parts[@]} -gt 0 ] || parts=(deny features package release book examples testbed gate browser slurm thorough fuzz drivers wheel miri)
 
 deny() { scripts/prepare.sh --deny && scripts/deny.sh; }
 features() { scripts/check_features.sh "${profile[@]}"; }
 package() { scripts/package.sh "${profile[@]}"; }
+release() {
+    cargo build --locked "${profile[@]}" --bin quadrille
+    rm -rf out/release
+    scripts/release.sh --program "${CARGO_TARGET_DIR:-target}/ci/quadrille" archive sbom notes sums
+}
 book() { make book; }
 examples() {
     cargo build "${whole[@]}" --examples
