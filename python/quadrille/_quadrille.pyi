@@ -14,6 +14,7 @@ __all__ = [
     "Correlator",
     "Measured",
     "Tracker",
+    "calibrate",
     "command",
     "devices",
     "identify",
@@ -23,6 +24,7 @@ __all__ = [
     "run_series",
     "simulate",
     "tournament",
+    "virtual_test",
 ]
 
 VERSION: str
@@ -97,6 +99,35 @@ def run_case(
     threads: int | None,
     on_event: _Watcher,
 ) -> str: ...
+def calibrate(
+    json: str,
+    output: _Path,
+    *,
+    images: Sequence[str],
+    lengths: Sequence[Sequence[float]],
+    points: Sequence[Sequence[float]],
+    chessboard: tuple[int, int] | None,
+    dots: tuple[int, int] | None,
+    pitch_mm: float | None,
+    mark_std_px: float | None,
+    overwrite: bool,
+    device: str,
+    threads: int | None,
+    on_event: _Watcher,
+) -> list[str]: ...
+def virtual_test(
+    output: _Path,
+    *,
+    law: str,
+    instants: int,
+    seed: int,
+    depth: int,
+    noise: float,
+    mixity: str,
+    kinematics: str,
+    overwrite: bool,
+    threads: int | None,
+) -> tuple[str, dict[str, Any]]: ...
 def simulate(
     case: _Path, output: _Path, *, overwrite: bool, threads: int | None, on_event: _Watcher
 ) -> tuple[str, dict[str, Any]]: ...

@@ -71,7 +71,7 @@ impl Correlator {
     fn correlate<'py>(&self, py: Python<'py>, image: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
         let image = image_of(image, "the image", Levels::Borrowed)?;
         let (found, strains) = py.detach(|| self.correlate_from(image, None)).map_err(raised)?;
-        field(py, found, &strains)
+        field(py, 1, found, &strains)
     }
 
     /// What the sections of `case` ask for of a field: the text of a table of CSV by its name.
@@ -149,7 +149,7 @@ impl Tracker {
         let image = image_of(image, "the image", Levels::Borrowed)?;
         let correlator = self.correlator.get();
         // Locked while nothing of Python is held: who waits for it here does not keep others from ending.
-        let (found, strains) = py.detach(|| {
+        let (number, found, strains) = py.detach(|| {
             let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
             let number = number.unwrap_or(state.0 + 1);
             if number <= state.0 {
@@ -160,8 +160,8 @@ impl Tracker {
             let (found, strains) = correlator.correlate_from(image, start.as_ref()).map_err(raised)?;
             state.1.note(number, &found);
             state.0 = number;
-            Ok((found, strains))
+            Ok((number, found, strains))
         })?;
-        field(py, found, &strains)
+        field(py, number, found, &strains)
     }
 }

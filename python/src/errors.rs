@@ -46,7 +46,8 @@ impl Raised for RunError {
     fn kind(&self) -> &'static str {
         match self {
             Self::Refused(_) | Self::WhichReference { .. } | Self::TwoCameras(_) => "OptionError",
-            Self::Reference(_) | Self::Image(_) | Self::Series(_) => "ImageError",
+            Self::Reference(_) | Self::Image(_) | Self::Series(_) | Self::Target(_) => "ImageError",
+            Self::Calibration(_) | Self::TargetFit(_) => "CalibrationError",
             Self::HoldsAnother { .. }
             | Self::Busy { .. }
             | Self::NoFolder { .. }
@@ -54,13 +55,20 @@ impl Raised for RunError {
             | Self::File { .. }
             | Self::RecordLost { .. }
             | Self::Json { .. }
-            | Self::Watch(_) => "FolderError",
+            | Self::Watch(_)
+            | Self::Written(_) => "FolderError",
             Self::Correlation(error) => error.kind(),
             Self::Device(_) => "DeviceError",
-            Self::Case(_) | Self::RunCase(_) | Self::Joint(_) | Self::Load(_) => "CaseError",
+            Self::Case(_)
+            | Self::CaseCamera(_)
+            | Self::Camera(_)
+            | Self::RunCase(_)
+            | Self::Joint(_)
+            | Self::Load(_) => "CaseError",
             Self::Mask(_) | Self::MeshFile(_) => "ZoneError",
             Self::Store(_) => "StoreError",
             Self::JointModel(_) | Self::Law(_) | Self::Model(_) => "ModelError",
+            Self::Virtual(_) | Self::Synth(_) => "OptionError",
             Self::Fit(_) => "FitError",
             _ => "QuadrilleError",
         }

@@ -1,12 +1,15 @@
 //! The field of one frame as arrays.
 
 use crate::errors::raise;
+use crate::json::record;
 use numpy::ndarray::Array2;
 use numpy::{Element, IntoPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use quadrille::correlate::Correlation;
 use quadrille::field::{ElementMark, Measurement, StrainField, TensorStrain};
+use quadrille::remark::Remark;
+use quadrille::report::remarks_of;
 use quadrille::units::Px;
 
 /// An array of `N` columns that holds `rows`, which are moved.
@@ -25,8 +28,14 @@ fn components(strains: &[Option<TensorStrain>]) -> Vec<[f64; 3]> {
 #[pyclass(frozen, module = "quadrille._quadrille")]
 pub struct Measured(pub Measurement<Px>);
 
-/// Everything of a frame but the mesh, by the names of the attributes of `quadrille.Field`.
-pub fn field<'py>(py: Python<'py>, found: Correlation, strains: &StrainField) -> PyResult<Bound<'py, PyDict>> {
+/// Everything of frame `number` but the mesh, by the names of the attributes of `quadrille.Field`.
+pub fn field<'py>(
+    py: Python<'py>,
+    number: usize,
+    found: Correlation,
+    strains: &StrainField,
+) -> PyResult<Bound<'py, PyDict>> {
+    let remarks: Vec<Remark> = remarks_of(number, &found).collect();
     let of = found.measurement;
     let measured = Measured(of.clone());
     let known = |pairs: &[[f64; 2]]| {
@@ -67,6 +76,8 @@ pub fn field<'py>(py: Python<'py>, found: Correlation, strains: &StrainField) ->
     dict.set_item("correction_px", found.correction_px)?;
     dict.set_item("residual_grey", found.residual_rms)?;
     dict.set_item("residual_percent", found.residual_percent)?;
+    dict.set_item("interpolation_bias_px", found.interpolation_bias_px.to_vec().into_pyarray(py))?;
+    dict.set_item("remarks", record(py, &remarks)?)?;
     dict.set_item("ambiguity", found.ambiguity.as_ref().map(ToString::to_string))?;
     let zones = found.zones.iter().map(|zone| {
         let dict = PyDict::new(py);

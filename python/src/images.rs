@@ -56,6 +56,7 @@ pub fn image_of(array: &Bound<'_, PyAny>, what: &str, levels: Levels) -> PyResul
         (b'u', 1) => "uint8",
         (b'u', 2) => "uint16",
         (b'f', 2 | 4 | 8) => "float32",
+        (b'i', _) | (b'u', _) => return Err(raise("ImageError", whole_numbers(&array, what)?)),
         _ => {
             let text = format!("{what} is an array of {}; {WANTED} (float64 is rounded to float32)", kind.str()?);
             return Err(raise("ImageError", text));
@@ -71,6 +72,21 @@ pub fn image_of(array: &Bound<'_, PyAny>, what: &str, levels: Levels) -> PyResul
         _ => made(&array, levels, [columns, rows], Pixels::F32, |lent| SharedPixels::F32(lent)),
     };
     image?.map_err(|error| raise("ImageError", format!("{what}: {error}")))
+}
+
+/// What is said of an array of whole numbers that do not tell how many bits a pixel had: which cast keeps its grey levels.
+fn whole_numbers(array: &Bound<'_, PyAny>, what: &str) -> PyResult<String> {
+    let kind = array.getattr("dtype")?.str()?;
+    let initial = PyDict::new(array.py());
+    initial.set_item("initial", 0)?;
+    let end = |name: &str| array.call_method(name, (), Some(&initial))?.extract::<i128>();
+    let (least, most) = (end("min")?, end("max")?);
+    let cure = match (least, most) {
+        (0, ..=255) => "image.astype(numpy.uint8) keeps them as they are (uint16, where the camera has more bits)",
+        (0, ..=65535) => "image.astype(numpy.uint16) keeps them as they are",
+        _ => "an image has none below 0 or above 65535; image.astype(numpy.float32) takes any",
+    };
+    Ok(format!("{what} is an array of {kind}, which no camera writes; its grey levels are {least} to {most}: {cure}"))
 }
 
 /// The image of an array of one kind.

@@ -26,7 +26,9 @@ mod _quadrille {
     #[pymodule_export]
     use super::images::read_image;
     #[pymodule_export]
-    use super::runs::{command, devices, identify, metrology, run_case, run_series, simulate, tournament};
+    use super::runs::{
+        calibrate, command, devices, identify, metrology, run_case, run_series, simulate, tournament, virtual_test,
+    };
 
     /// Version of the engine, that of the program.
     #[pymodule_export]

@@ -1,4 +1,4 @@
-//! What the commands do, from Python: series, cases, joints, metrology, and the command line itself.
+//! What the commands do, from Python: series, cases, cameras, joints, metrology, and the command line itself.
 
 use crate::errors::{raise, raised};
 use crate::images::{Levels, image_of};
@@ -8,14 +8,18 @@ use crate::watched::watched;
 use pyo3::prelude::*;
 use quadrille::io::case::{CaseImages, read_case};
 use quadrille::io::joint::{CaseFit, IdentifyInput, read_identify, read_joint};
+use quadrille::mechanics::Kinematics;
 use quadrille::mesh::Roi;
 use quadrille::metrology::{Options, Still, measure};
 use quadrille::run::{
-    CaseRun, Event, Existing, Export, Outcome, Plan, Request, RunError, RunFolder, Session, Shard, Stop,
+    Calibrating, CaseRun, Event, Existing, Export, Outcome, Plan, Request, RunError, RunFolder, Session, Shard, Stop,
 };
+use quadrille::synth::Depth;
+use quadrille::virtual_test::{Mixity, VirtualOptions};
 use rayon::ThreadPool;
 use serde::Serialize;
 use std::ffi::OsString;
+use std::fmt::Display;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -111,6 +115,79 @@ pub fn run_case(
         quadrille::run::run_case(&asked, pool, watcher).map(|outcome| ((), outcome))
     })?;
     Ok(done)
+}
+
+/// The camera that images show: see `quadrille.calibrate`. What there is to say of it.
+#[pyfunction]
+#[pyo3(signature = (json, output, *, images, lengths, points, chessboard, dots, pitch_mm, mark_std_px, overwrite, device, threads, on_event))]
+#[expect(clippy::too_many_arguments, reason = "the keywords of Python")]
+pub fn calibrate(
+    py: Python<'_>,
+    json: &str,
+    output: PathBuf,
+    images: Vec<String>,
+    lengths: Vec<[f64; 5]>,
+    points: Vec<[f64; 4]>,
+    chessboard: Option<[usize; 2]>,
+    dots: Option<[usize; 2]>,
+    pitch_mm: Option<f64>,
+    mark_std_px: Option<f64>,
+    overwrite: bool,
+    device: &str,
+    threads: Option<i64>,
+    on_event: Option<Bound<'_, PyAny>>,
+) -> PyResult<Vec<String>> {
+    let Ok(device) = device.parse();
+    let case = case_of(json, "options".as_ref())?;
+    let images = CaseImages { deformed: (!images.is_empty()).then_some(images), ..CaseImages::default() };
+    let request = Request { images, device, ..Request::default() };
+    let asked = Calibrating { request, case, lengths, points, mark_std_px, chessboard, dots, pitch_mm };
+    let existing = if overwrite { Existing::Replace } else { Existing::Continue };
+    let (pool, stop) = (pool(threads)?, Stop::default());
+    watched(py, on_event.as_ref(), &stop, |watcher| {
+        let session = Session { stop: stop.clone(), ..Session::new(existing) };
+        quadrille::run::calibrate(&asked, &output, session, &pool, watcher).map(|found| found.said)
+    })
+}
+
+/// A joint that is pulled apart in the computer: see `quadrille.virtual_test`.
+#[pyfunction]
+#[pyo3(signature = (output, *, law, instants, seed, depth, noise, mixity, kinematics, overwrite, threads))]
+#[expect(clippy::too_many_arguments, reason = "the keywords of Python")]
+pub fn virtual_test<'py>(
+    py: Python<'py>,
+    output: PathBuf,
+    law: &str,
+    instants: usize,
+    seed: u64,
+    depth: u8,
+    noise: f32,
+    mixity: &str,
+    kinematics: &str,
+    overwrite: bool,
+    threads: Option<i64>,
+) -> PyResult<Came<'py>> {
+    let wrong = |name: &str, value: &dyn Display, wanted: &str| {
+        raise("OptionError", format!("{name} is {value}; give {wanted}"))
+    };
+    let depth = match depth {
+        8 => Depth::U8,
+        16 => Depth::U16,
+        _ => return Err(wrong("depth", &depth, "8 or 16")),
+    };
+    let mixities = [Mixity::Opening, Mixity::Mixed, Mixity::Sliding];
+    let known = mixities.into_iter().find(|known| known.name() == mixity);
+    let mixity = known.ok_or_else(|| wrong("mixity", &mixity, "opening, mixed or sliding"))?;
+    let kinematics = match kinematics {
+        "paper" => Kinematics::Paper,
+        "finite" => Kinematics::Finite,
+        _ => return Err(wrong("kinematics", &kinematics, "paper or finite")),
+    };
+    let options =
+        VirtualOptions { seed, depth, noise_grey: noise, instants, mixity, kinematics, ..VirtualOptions::default() };
+    ran(py, threads, None, |pool, _, _| {
+        quadrille::run::virtual_test(options, law, &output, overwrite, pool).map(|truth| (truth, Outcome::Fine))
+    })
 }
 
 /// The forward model of a joint: see `quadrille.simulate`.

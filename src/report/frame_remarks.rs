@@ -9,7 +9,7 @@ use crate::remark::{About, Code, Remark};
 const SATURATED_PERCENT: f64 = 1.0;
 
 /// All that the result of frame `number` says by itself.
-pub(super) fn of_result(number: usize, result: &Correlation) -> impl Iterator<Item = Remark> {
+pub fn of_result(number: usize, result: &Correlation) -> impl Iterator<Item = Remark> {
     let has_field = result.measurement.status.has_field();
     let of_zones =
         result.zones.iter().filter_map(noise_contradicted).chain(result.zones.iter().filter_map(light_unsettled));

@@ -38,7 +38,7 @@ pub use crack::{CrackFrameSummary, CrackSummary, CrackTipSummary, crack_figures}
 pub use figure::{Figure, FigureOptions, Format};
 pub use figures::{draw_figure, draw_frame, ends_of};
 pub use force::{ForcePoint, ForceRecord};
-pub use frame_remarks::saturated;
+pub use frame_remarks::{of_result as remarks_of, saturated};
 pub use look::Look;
 pub use map::{MapOptions, element_map, element_map_on, nodal_map, nodal_map_on};
 pub use mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};

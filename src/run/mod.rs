@@ -1,5 +1,5 @@
-//! From images to results without a command line: what `quadrille correlate`, `watch`, `simulate`, `identify` and `run`
-//! do.
+//! From images to results without a command line: what `quadrille correlate`, `watch`, `calibrate`, `simulate`,
+//! `identify`, `run` and `make virtual-test` do.
 //!
 //! [`Plan`] says what is to be done: a case, with a [`Request`] over it. [`run_series`] does it, into a
 //! [`RunFolder`], tells whoever watches what happens ([`Event`]), stops when it is asked to ([`Stop`]), goes on where
@@ -20,6 +20,7 @@
     )
 )]
 
+mod calibration;
 mod folder;
 mod frames;
 mod joint;
@@ -28,9 +29,12 @@ mod plan;
 mod series;
 pub(crate) mod words;
 
+pub use calibration::{Calibrated, Calibrating, calibrate};
 pub use folder::run_folder::{RunFolder, correlation_in};
 pub use frames::busy::Busy;
-pub use joint::{CaseRun, compare_laws, identify, identify_several, run_case, simulate};
+pub use joint::{
+    CaseRun, compare_laws, identify, identify_several, run_case, simulate, virtual_test, write_virtual_test,
+};
 pub use look::{Comparison, Explored, ExplorerPage, FitOfRun, Off, PlacedModel, compare, model_less_measured};
 pub use plan::{
     Checked, CheckedZone, Existing, Export, Images, Outcome, Plan, Ran, Request, Session, Shard, Stop, check, keeps_to,
@@ -55,4 +59,5 @@ pub(crate) use self::{
     folder::record::Record,
     folder::restart::all_frames,
     folder::run_folder::{About, FIGURES, frame_in_words, locks_in, save_picture},
+    look::reference::{of_size, reference},
 };

@@ -1,7 +1,6 @@
 //! `quadrille compare`.
 
 use crate::cli::args::CompareArgs;
-use crate::cli::look::figures::reference;
 use crate::cli::{Outcome, Result};
 use crate::field::Measurement;
 use crate::io::foreign::{FieldOptions, LengthUnit, read_points};
@@ -9,7 +8,7 @@ use crate::io::mesh_file::{is_model, read_model};
 use crate::io::store::Store;
 use crate::mesh::elements_of_points;
 use crate::report::{Backdrop, MapOptions, nodal_map_on};
-use crate::run::{Comparison, PlacedModel, Record, RunFolder, compare, save_picture};
+use crate::run::{Comparison, PlacedModel, Record, RunFolder, compare, reference, save_picture};
 use crate::units::Px;
 
 pub(crate) fn run(args: &CompareArgs) -> Result<Outcome> {

@@ -1,12 +1,11 @@
 //! `quadrille view`.
 
 use crate::cli::args::ViewArgs;
-use crate::cli::look::figures::reference;
 use crate::cli::measure::metrology::METROLOGY;
 use crate::cli::{Outcome, Result, chain, plural, pool};
 use crate::io::store::Store;
 use crate::report::Backdrop;
-use crate::run::{Explored, FitOfRun, Record, RunFolder, correlation_in, model_less_measured, write_file};
+use crate::run::{Explored, FitOfRun, Record, RunFolder, correlation_in, model_less_measured, reference, write_file};
 use std::path::{Path, PathBuf};
 
 const PAGE: &str = "view.html";

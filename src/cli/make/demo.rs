@@ -3,7 +3,6 @@
 use crate::cli::about::devices;
 use crate::cli::args::{DemoArgs, ProgressKind};
 use crate::cli::identify::case;
-use crate::cli::make::virtual_test;
 use crate::cli::talk::{Paint, Talk};
 use crate::cli::{Outcome, Result};
 use crate::field::{Measurement, Status};
@@ -12,7 +11,7 @@ use crate::io::store::Store;
 use crate::report::Name;
 use crate::report::fit::FitRecord;
 use crate::report::tournament::TournamentRecord;
-use crate::run::{CaseRun, RunFolder, correlation_in, read_json, write_file};
+use crate::run::{CaseRun, RunFolder, correlation_in, read_json, write_file, write_virtual_test};
 use crate::units::Px;
 use crate::virtual_test::{ELEMENT_PX, VirtualOptions, VirtualTest};
 use serde::{Deserialize, Serialize};
@@ -101,7 +100,7 @@ pub(crate) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
     let (test_folder, run_folder) = (args.output.join("test"), args.output.join("run"));
     let pool = args.threads.pool()?;
     let test = pool.install(|| VirtualTest::new(options))?;
-    virtual_test::make(&test, &test_folder, &pool)?;
+    write_virtual_test(&test, &test_folder, &pool)?;
     if !args.laws.is_empty() {
         write_file(&test_folder.join("case.toml"), test.case_toml_with(&args.laws))?;
     }

@@ -2,10 +2,8 @@
 
 pub(crate) mod calibrate;
 pub(crate) mod correlate;
-mod found;
 mod gauges;
 pub(crate) mod metrology;
 pub(crate) mod slurm;
 pub(crate) mod status;
-mod target;
 pub(crate) mod watch;

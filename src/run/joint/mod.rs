@@ -5,6 +5,7 @@ pub(crate) mod identification;
 pub(crate) mod several;
 pub(crate) mod simulation;
 pub(crate) mod tournament;
+pub(crate) mod virtual_joint;
 
 pub use case::{CaseRun, run_case};
 pub use identification::identify;
@@ -13,3 +14,4 @@ pub use several::identify_several;
 pub use simulation::simulate;
 pub(crate) use simulation::write_solution;
 pub use tournament::compare_laws;
+pub use virtual_joint::{virtual_test, write_virtual_test};

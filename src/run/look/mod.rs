@@ -9,6 +9,7 @@ pub(crate) mod ground;
 pub(crate) mod page;
 mod projection;
 pub(crate) mod quantities;
+pub(crate) mod reference;
 pub(crate) mod report;
 
 pub use compare::{Comparison, PlacedModel, compare};

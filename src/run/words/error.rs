@@ -2,11 +2,13 @@
 
 use crate::backend::choice::DeviceError;
 use crate::camera::CameraError;
+use crate::camera::calibrate::CalibrationError;
+use crate::camera::target::TargetFitError;
 use crate::correlate::CorrelationError;
 use crate::identify::FitError;
 use crate::io::case::{CaseCameraError, CaseError};
 use crate::io::foreign::FieldError;
-use crate::io::images::ReadError;
+use crate::io::images::{ReadError, WriteError};
 use crate::io::joint::JointFileError;
 use crate::io::load::LoadError;
 use crate::io::mask::MaskError;
@@ -18,8 +20,11 @@ use crate::io::text::shell_word;
 use crate::io::watch::WatchError;
 use crate::mechanics::cohesive::LawError;
 use crate::mechanics::{JointError, ModelError};
+use crate::metrology::target::TargetError;
 use crate::report::ReportError;
 use crate::run::words::chain;
+use crate::synth::SynthError;
+use crate::virtual_test::VirtualError;
 use std::path::{Path, PathBuf};
 use std::thread::{Builder, Scope, ScopedJoinHandle};
 
@@ -134,9 +139,27 @@ pub enum RunError {
     /// The camera does not fit the images.
     #[error("[camera]: {0}")]
     Camera(#[from] CameraError),
+    /// Images that do not determine a camera.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
+    /// Images without the target that was asked for.
+    #[error(transparent)]
+    Target(#[from] TargetError),
+    /// A target that does not determine a camera.
+    #[error(transparent)]
+    TargetFit(#[from] TargetFitError),
+    /// A virtual test that cannot be computed.
+    #[error(transparent)]
+    Virtual(#[from] VirtualError),
+    /// Images that cannot be computed.
+    #[error(transparent)]
+    Synth(#[from] SynthError),
     /// An image.
     #[error(transparent)]
     Image(#[from] ReadError),
+    /// An image that cannot be written.
+    #[error(transparent)]
+    Written(#[from] WriteError),
     /// The list of images.
     #[error(transparent)]
     Series(#[from] SeriesError),

@@ -1,9 +1,9 @@
 //! What calibrations say and draw alike.
 
 use crate::camera::calibrate::{Estimate, Tried};
-use crate::cli::Result;
 use crate::field::Measurement;
 use crate::report::{Backdrop, Figure, FigureOptions, draw_frame};
+use crate::run::words::Result;
 use crate::units::Px;
 use std::path::Path;
 

@@ -1,11 +1,8 @@
-//! `quadrille calibrate` from a flat target.
+//! The camera from images of a flat target.
 
-use super::found::{draw_residual, said_of, said_of_tried};
 use crate::camera::PARAMETERS;
 use crate::camera::marked::{MarkedPoint, Scaled};
 use crate::camera::target::{TargetCalibration, calibrate_on_target};
-use crate::cli::args::CalibrateArgs;
-use crate::cli::{Result, plural};
 use crate::field::{Measurement, Status};
 use crate::imaging::Image;
 use crate::io::case::CaseFile;
@@ -14,7 +11,12 @@ use crate::io::series::{Frame, expand_series};
 use crate::mesh::{Mesh, ZoneElements};
 use crate::metrology::target::{Pattern, SeenTarget, Target, find_targets};
 use crate::report::Backdrop;
-use crate::run::{FIGURES, Request, RunFolder};
+use crate::run::calibration::asked::Calibrating;
+use crate::run::calibration::found::{draw_residual, said_of, said_of_tried};
+use crate::run::folder::run_folder::FIGURES;
+use crate::run::plan::Request;
+use crate::run::words::{Result, plural};
+use crate::run::{RunError, RunFolder};
 use crate::units::Px;
 use std::path::Path;
 use std::sync::Arc;
@@ -25,19 +27,19 @@ const ALIKE: [f64; 2] = [0.3, 5.0];
 const REACHED: f64 = 0.75;
 
 /// A target and the distance of its points, mm, where one is asked for.
-pub(super) fn asked_target(args: &CalibrateArgs) -> Result<Option<(Target, f64)>> {
-    let chessboard = args.chessboard.map(|n| Target { pattern: Pattern::Chessboard, n });
-    let dots = args.dots.map(|n| Target { pattern: Pattern::Dots, n });
+pub(super) fn asked_target(asked: &Calibrating) -> Result<Option<(Target, f64)>> {
+    let chessboard = asked.chessboard.map(|n| Target { pattern: Pattern::Chessboard, n });
+    let dots = asked.dots.map(|n| Target { pattern: Pattern::Dots, n });
     let Some(target) = chessboard.or(dots) else {
-        return match args.pitch {
+        return match asked.pitch_mm {
             Some(_) => Err("--pitch is about a target; give --chessboard or --dots as well".into()),
             None => Ok(None),
         };
     };
-    if !args.point.is_empty() || !args.length.is_empty() {
+    if !asked.points.is_empty() || !asked.lengths.is_empty() {
         return Err("a target holds its own lengths; leave --point and --length out".into());
     }
-    match args.pitch {
+    match asked.pitch_mm {
         Some(mm) if mm.is_finite() && mm > 0.0 => Ok(Some((target, mm))),
         Some(mm) => Err(format!("--pitch is {mm}; give the mm from one point of the target to the next").into()),
         None => Err("--pitch MM is missing: how far the points of the target are from each other".into()),
@@ -97,7 +99,7 @@ fn field_of(seen: &SeenTarget, target: Target, noise_px: f64) -> Result<Measurem
     };
     let elements = (0..(columns - 1) * (rows - 1)).map(element).collect();
     let zone = ZoneElements { name: "target".to_owned(), nodes: seen.points.clone(), elements };
-    let mesh = Arc::new(Mesh::from_zones(vec![zone])?);
+    let mesh = Arc::new(Mesh::from_zones(vec![zone]).map_err(|error| RunError::Refused(error.to_string()))?);
     let n = mesh.n_nodes();
     Ok(Measurement {
         status: Status::Converged,
