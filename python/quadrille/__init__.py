@@ -11,12 +11,15 @@ and displacements are in px of the reference image, x to the right, y down, with
 grey levels are those of the images; strains have no unit. What was not measured is NaN.
 
 Whole runs into a folder, to the same bits as the program ``quadrille``: :func:`run`, :func:`identify`, :func:`simulate`,
-:func:`tournament`. On images alone: :func:`metrology`. Every error is a :class:`QuadrilleError`.
+:func:`tournament`, :func:`virtual_test`, :func:`calibrate`; :func:`command` for the rest of the program. On images alone:
+:func:`metrology`. Every error is a :class:`QuadrilleError`. ``MARKS`` are the names of :attr:`Field.marks`, an ``Event`` is what
+happens in a run, ``__version__`` is that of the program, too.
 """
 
 from ._camera import Camera
 from ._correlator import Correlator, Tracker
 from ._errors import (
+    CalibrationError,
     CaseError,
     DeviceError,
     FitError,
@@ -33,10 +36,27 @@ from ._field import MARKS, Field
 from ._images import read_image
 from ._progress import Progress
 from ._quadrille import VERSION as __version__
-from ._runs import Event, Result, devices, identify, metrology, open_store, run, simulate, to_xarray, tournament
+from ._runs import (
+    Calibration,
+    Event,
+    Result,
+    calibrate,
+    command,
+    devices,
+    identify,
+    metrology,
+    open_store,
+    run,
+    simulate,
+    to_xarray,
+    tournament,
+    virtual_test,
+)
 
 __all__ = [
     "MARKS",
+    "Calibration",
+    "CalibrationError",
     "Camera",
     "CaseError",
     "Correlator",
@@ -56,6 +76,8 @@ __all__ = [
     "Tracker",
     "ZoneError",
     "__version__",
+    "calibrate",
+    "command",
     "devices",
     "identify",
     "metrology",
@@ -65,4 +87,5 @@ __all__ = [
     "simulate",
     "to_xarray",
     "tournament",
+    "virtual_test",
 ]

@@ -37,6 +37,10 @@ class StoreError(QuadrilleError, OSError):
     """A store of fields that cannot be read."""
 
 
+class CalibrationError(QuadrilleError, ValueError):
+    """Images that do not determine a camera."""
+
+
 class ModelError(QuadrilleError, ValueError):
     """A joint that cannot be computed."""
 

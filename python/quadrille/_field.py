@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import csv
+import html
+import io
 import json
 import math
 from dataclasses import dataclass, fields
@@ -42,6 +45,14 @@ def columns_of(text: str) -> dict[str, Any]:
     return columns
 
 
+def html_of(rows: dict[str, str], picture: bytes | None = None) -> str:
+    """What a notebook shows: a table of two columns, and a picture (PNG)."""
+    left = "style='text-align:left'"
+    cells = "".join(f"<tr><th {left}>{html.escape(name)}</th><td {left}>{html.escape(text)}</td></tr>" for name, text in rows.items())
+    shown = "" if picture is None else f"<img alt='' src='data:image/png;base64,{base64.b64encode(picture).decode()}'>"
+    return f"<table>{cells}</table>{shown}"
+
+
 def _numbers(columns: dict[str, Any]) -> dict[str, float]:
     """The numbers of a table with one row."""
     return {name: float(values[0]) for name, values in columns.items() if not isinstance(values, list)}
@@ -49,61 +60,71 @@ def _numbers(columns: dict[str, Any]) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False, repr=False, slots=True, kw_only=True)
 class Field:
-    """What was measured on one image, on n nodes and m elements. Lengths are px of the reference image, x right, y down."""
+    """What was measured on one image, on n nodes and m elements. Lengths are px of the reference image, x right, y down.
 
-    #: ``converged``, ``iteration_limit``, ``diverged``, ``left_image``, ``ambiguous`` or ``partly_lost``.
+    status: ``converged``, ``iteration_limit``, ``diverged``, ``left_image``, ``ambiguous`` or ``partly_lost``.
+    positions: Places of the nodes in the reference image, (n, 2), px.
+    elements: Nodes of each element, (m, 4); of a triangle the last twice.
+    node_zone: Number of the zone of each node, (n,).
+    displacement: Displacement of the nodes, (n, 2), px; NaN where not measured. These are the coefficients of the fitted field; for the
+        displacement at a point read :attr:`displacement_point`.
+    sigma: Its standard uncertainty, (n, 2), px.
+    strain: exx, eyy, exy (tensor shear) at the nodes, (n, 3), over two elements; no unit.
+    element_strain: The same at the centres of the elements, (m, 3).
+    strain_definition: How strains are defined: ``green-lagrange``, ``hencky`` or ``infinitesimal``.
+    residual: Root mean square of the residual in each element, (m,), grey levels.
+    measured: Whether a node was measured, (n,).
+    marks: Fault of each element, (m,), numbers in :data:`MARKS`.
+    iterations: Iterations on the image itself.
+    correction_px: Largest correction of the last iteration, px.
+    residual_grey: Root mean square of the residual, grey levels.
+    residual_percent: The same in per cent of the range of the reference.
+    ambiguity: By what the displacement may be off, where the texture repeats.
+    zones: Zone by zone: name, correlation coefficient, residual_grey, noise_grey, gain.
+    model_error: Estimated error of the displacement beyond noise, (n, 2), px.
+    misfit: Displacement that is not followed in an element, (m,), px; 0 where the residual is noise.
+    displacement_point: Displacement at the nodes as values at points, (n, 2), px; NaN where not measured. None of a frame without a
+        field.
+    sigma_point: Its standard uncertainty, (n, 2), px.
+    is_point_value: Whether it is a value, (n,); where not, it is the coefficient as it stands: too few nodes near, or a regularised
+        field.
+    window_strain: Strains over a window of nodes, (n, 3), where ``strain_window`` asks for it.
+    window_strain_sigma: Their standard uncertainty, (n, 3).
+    window_strain_model_error: What they may be off at the node beyond noise, (n, 3): the window flattens. To be added to the sigma in
+        squares.
+    interpolation_bias_px: Bias of the interpolation along x and y, (2,), root mean square over the nodes, px: the part of the model
+        error that is alike at all nodes that move by the same fraction of a pixel, and does not average out.
+    remarks: What there is to say of the frame, as summary.json has it: dicts with code, severity, about, values and text.
+    """
+
     status: str
-    #: Places of the nodes in the reference image, (n, 2), px.
     positions: NDArray[np.float64]
-    #: Nodes of each element, (m, 4); of a triangle the last twice.
     elements: NDArray[np.uint32]
-    #: Number of the zone of each node, (n,).
     node_zone: NDArray[np.uint32]
-    #: Displacement of the nodes, (n, 2), px; NaN where not measured. These are the coefficients of the fitted field; for the
-    #: displacement at a point read :attr:`displacement_point`.
     displacement: NDArray[np.float64]
-    #: Its standard uncertainty, (n, 2), px.
     sigma: NDArray[np.float64]
-    #: exx, eyy, exy (tensor shear) at the nodes, (n, 3), over two elements; no unit.
     strain: NDArray[np.float64]
-    #: The same at the centres of the elements, (m, 3).
     element_strain: NDArray[np.float64]
-    #: How strains are defined: ``green-lagrange``, ``hencky`` or ``infinitesimal``.
     strain_definition: str
-    #: Root mean square of the residual in each element, (m,), grey levels.
     residual: NDArray[np.float64]
-    #: Whether a node was measured, (n,).
     measured: NDArray[np.bool_]
-    #: Fault of each element, (m,), numbers in :data:`MARKS`.
     marks: NDArray[np.uint8]
-    #: Iterations on the image itself.
     iterations: int
-    #: Largest correction of the last iteration, px.
     correction_px: float
-    #: Root mean square of the residual, grey levels.
     residual_grey: float
-    #: The same in per cent of the range of the reference.
     residual_percent: float
-    #: By what the displacement may be off, where the texture repeats.
     ambiguity: str | None
-    #: Zone by zone: name, correlation coefficient, residual_grey, noise_grey, gain.
     zones: list[dict[str, Any]]
-    #: Estimated error of the displacement beyond noise, (n, 2), px.
     model_error: NDArray[np.float64] | None = None
-    #: Displacement that is not followed in an element, (m,), px; 0 where the residual is noise.
     misfit: NDArray[np.float64] | None = None
-    #: Displacement at the nodes as values at points, (n, 2), px; NaN where not measured. None of a frame without a field.
     displacement_point: NDArray[np.float64] | None = None
-    #: Its standard uncertainty, (n, 2), px.
     sigma_point: NDArray[np.float64] | None = None
-    #: Whether it is a value, (n,); where not, it is the coefficient as it stands: too few nodes near, or a regularised field.
     is_point_value: NDArray[np.bool_] | None = None
-    #: Strains over a window of nodes, (n, 3), where ``strain_window`` asks for it.
     window_strain: NDArray[np.float64] | None = None
-    #: Their standard uncertainty, (n, 3).
     window_strain_sigma: NDArray[np.float64] | None = None
-    #: What they may be off at the node beyond noise, (n, 3): the window flattens. To be added to the sigma in squares.
     window_strain_model_error: NDArray[np.float64] | None = None
+    interpolation_bias_px: NDArray[np.float64] | None = None
+    remarks: Sequence[dict[str, Any]] = ()
     _quantities: Callable[[str], dict[str, str]] | None = None
 
     def __getstate__(self) -> list[Any]:
@@ -168,12 +189,25 @@ class Field:
             "residual": f"{self.residual_grey:.3g} grey levels, {self.residual_percent:.2f} %",
             "trust": self.trust,
         }
-        cells = "".join(f"<tr><th style='text-align:left'>{name}</th><td style='text-align:left'>{text}</td></tr>" for name, text in rows.items())
-        return f"<table>{cells}</table>"
+        if said := [remark["text"] for remark in self.remarks]:
+            rows["remarks"] = "; ".join(said)
+        return html_of(rows, self._picture())
+
+    def _picture(self) -> bytes | None:
+        """A small map of the size of the displacement, PNG; None without matplotlib."""
+        try:
+            from matplotlib.figure import Figure
+        except ImportError:
+            return None
+        figure = Figure(figsize=(4.0, 3.0), layout="constrained")
+        self.plot("u", ax=figure.add_subplot())
+        file = io.BytesIO()
+        figure.savefig(file, format="png", dpi=80)
+        return file.getvalue()
 
     def values(self, name: str) -> NDArray[np.float64]:
         """Values at the nodes, (n,): ``ux``, ``uy``, ``u`` (size) at points, ``sigma_ux``, ``sigma_uy``, ``exx``, ``eyy``, ``exy``, with
-        a strain window ``exx_window`` and so on, ``model_error`` (size); at the elements, (m,): ``residual``, ``misfit``.
+        a strain window ``exx_window`` and so on, ``model_error`` (size); at the elements, (m,): ``residual``, ``misfit``, ``marks``.
 
         Raises KeyError for another name.
         """
@@ -197,7 +231,9 @@ class Field:
             return self.residual
         if name == "misfit" and self.misfit is not None:
             return self.misfit
-        raise KeyError(f"{name!r} is no quantity of a field; there are ux, uy, u, sigma_ux, sigma_uy, exx, eyy, exy, model_error, residual, misfit; with a strain window exx_window, eyy_window, exy_window")
+        if name == "marks":
+            return self.marks.astype(float)
+        raise KeyError(f"{name!r} is no quantity of a field; there are ux, uy, u, sigma_ux, sigma_uy, exx, eyy, exy, model_error, residual, misfit, marks; with a strain window exx_window, eyy_window, exy_window")
 
     @property
     def trust(self) -> str:
@@ -304,7 +340,7 @@ class Field:
         from ._images import as_background
 
         values = self.values(quantity)
-        if len(values) == len(self.positions) and quantity not in ("residual", "misfit"):
+        if len(values) == len(self.positions) and quantity not in ("residual", "misfit", "marks"):
             values = values[self.elements].mean(axis=1)
         if ax is None:
             from matplotlib import pyplot
@@ -324,7 +360,7 @@ class Field:
         ax.set_aspect("equal")
         ax.set_xlabel("x (px)")
         ax.set_ylabel("y (px)")
-        unit = "" if quantity.removesuffix("_window") in _STRAINS else " (grey levels)" if quantity == "residual" else " (px)"
+        unit = "" if quantity.removesuffix("_window") in (*_STRAINS, "marks") else " (grey levels)" if quantity == "residual" else " (px)"
         figure = ax.get_figure()
         if figure is not None:
             figure.colorbar(drawn, ax=ax, label=f"{quantity}{unit}")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def read_image(path: str | os.PathLike[str], page: int = 0) -> GreyLevels:
-    """The grey levels of an image file, in its own depth: an array of uint8, uint16 or float32, rows by columns.
+    """The grey levels of the image file ``path``, in its own depth: an array of uint8, uint16 or float32, rows by columns.
 
     Reads TIFF (any usual depth and compression; page ``page`` of several), PNG, BMP, JPEG and PGM. Remarks on the
     file, such as colours that were made grey, are warnings.

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
+import shlex
+import subprocess
+import sys
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from . import _quadrille
+from ._camera import Camera
 from ._correlator import case_text
-from ._field import columns_of
-from ._errors import CaseError, OptionError, StoreError
+from ._errors import CaseError, OptionError, QuadrilleError, StoreError
+from ._field import columns_of, html_of
+from ._values import plain_value
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
     import zarr
 
@@ -32,14 +39,16 @@ Watcher: TypeAlias = "Callable[[Event], object] | None"
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """The result of a run."""
+    """The result of a run.
 
-    #: ``fine``; ``incomplete``: it ran, but a frame or a fit did not converge, or the data reject the model; ``stopped``.
+    outcome: ``fine``; ``incomplete``: it ran, but a frame or a fit did not converge, or the data reject the model; ``stopped``.
+    folder: Where the results are.
+    record: The record of the run: what summary.json, fit.json, tournament.json or truth.json holds.
+    """
+
     outcome: str
-    #: Where the results are.
     folder: Path
-    #: The record of the run: what summary.json, fit.json or tournament.json holds.
-    record: dict[str, Any]
+    record: dict[str, Any] = field(repr=False)
 
     def open_store(self) -> zarr.Group:
         """The fields of the run: see :func:`open_store`."""
@@ -48,6 +57,52 @@ class Result:
     def to_xarray(self) -> xarray.Dataset:
         """Fields, quantities and loads over frames: see :func:`to_xarray`."""
         return to_xarray(self.folder)
+
+    def table(self, name: str) -> pandas.DataFrame:
+        """A table of the run: a file ``NAME.csv`` of its folder, as ``extensometers``, ``openings_mean``, ``points`` of its gauges, or
+        ``law``, ``budget``, ``tractions`` of a joint. Needs pandas.
+
+        Raises StoreError for another name.
+        """
+        import pandas
+
+        files = {path.stem: path for part in (self.folder, self.folder / "quantities") for path in sorted(part.glob("*.csv"))}
+        if name not in files:
+            raise StoreError(f"{self.folder}: there is no table {name!r}; there are {', '.join(files) or 'none'}")
+        lines = files[name].read_text(encoding="utf8").splitlines(keepends=True)
+        return pandas.read_csv(io.StringIO("".join(line for line in lines if not line.startswith("#"))))
+
+    def _repr_html_(self) -> str:
+        rows = {"outcome": self.outcome, "folder": str(self.folder)}
+        frames = self.record.get("frames")
+        if isinstance(frames, list):
+            rows["frames"] = f"{sum(frame['status'] == 'converged' for frame in frames)} of {len(frames)} converged"
+        for name, found in self.record.get("parameters", {}).items():
+            if isinstance(found, dict) and found.get("ends95"):
+                low, high = found["ends95"]
+                rows[name] = f"{found['value']:.4g} {found['unit']}, 95 % {low:.4g} to {high:.4g}"
+        if page := next((name for name in ("report.html", "tournament.html") if (self.folder / name).is_file()), None):
+            rows["to read"] = str(self.folder / page)
+        picture = next((path for name in _PICTURES if (path := self.folder / "figures" / name).is_file()), None)
+        return html_of(rows, None if picture is None else picture.read_bytes())
+
+
+#: What a notebook shows of a run: the first of these that was drawn.
+_PICTURES = ("law-opening.png", "mesh.png", "register.png")
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What :func:`calibrate` has found.
+
+    camera: The camera, for :class:`Correlator` and :func:`run`.
+    folder: Where its ``camera.toml`` is, with the run and the figures that show it.
+    said: What these images determine, and what is missing, in sentences.
+    """
+
+    camera: Camera
+    folder: Path
+    said: list[str]
 
 
 def _names(files: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None) -> list[str]:
@@ -120,12 +175,10 @@ def run(
         )
         fit = output / "fit.json"
         return Result(outcome, output, json.loads(fit.read_text(encoding="utf8")) if fit.exists() else {})
-    if is_file and zones is None and not options:
-        path, text = os.fspath(case), None  # type: ignore[arg-type]
-    else:
-        path, text = os.fspath(case) if is_file else None, case_text(options, zones, case=sections)  # type: ignore[arg-type]
-        if is_file and not sections:
-            raise CaseError(f"{path}: cannot be read, or is empty; name a case file")
+    path = os.fspath(case) if is_file else None  # type: ignore[arg-type]
+    text = None if is_file and zones is None and not options else case_text(options, zones, case=sections)
+    if path is not None and text is not None and not sections:
+        raise CaseError(f"{path}: cannot be read, or is empty; name a case file")
     outcome, record = _quadrille.run_series(
         path, text, output, reference=_names(reference), deformed=_names(images), overwrite=overwrite, shard=shard,
         export=None if export is None else _names(export), report=report, device=device, isa=isa, threads=threads, on_event=on_event,
@@ -145,6 +198,90 @@ def identify(
         case, output, overwrite=overwrite, max_seconds=max_seconds, max_evaluations=max_evaluations, threads=threads, on_event=on_event
     )
     return Result(outcome, Path(output), record)
+
+
+def virtual_test(
+    output: Path_,
+    *,
+    law: str = "extended-xu-needleman",
+    instants: int = 19,
+    seed: int = 1,
+    depth: int = 8,
+    noise: float = 2.0,
+    mixity: str = "mixed",
+    kinematics: str = "paper",
+    overwrite: bool = False,
+    threads: int | None = None,
+) -> Result:
+    """A bonded joint that is pulled apart in the computer: images, ``case.toml`` for :func:`run`, and the truth, as ``quadrille make
+    virtual-test``; the record is truth.json.
+
+    law: of the adhesive, with the strengths and works of separation of the default one.
+    instants: images after the reference.
+    depth: 8 or 16 bits; noise: its standard deviation, grey levels of 255.
+    mixity: ``opening``, ``mixed`` or ``sliding``.
+    kinematics: ``paper`` (small rotations) or ``finite``.
+
+    Raises OptionError, FolderError.
+    """
+    outcome, record = _quadrille.virtual_test(
+        output, law=law, instants=instants, seed=seed, depth=depth, noise=noise, mixity=mixity, kinematics=kinematics,
+        overwrite=overwrite, threads=threads,
+    )
+    return Result(outcome, Path(output), record)
+
+
+def calibrate(
+    images: Path_ | Sequence[Path_],
+    output: Path_,
+    *,
+    lengths: Sequence[Sequence[float]] = (),
+    points: Sequence[Sequence[float]] = (),
+    chessboard: tuple[int, int] | None = None,
+    dots: tuple[int, int] | None = None,
+    pitch_mm: float | None = None,
+    mark_std_px: float | None = None,
+    zones: Zone | Sequence[Zone] | None = None,
+    overwrite: bool = False,
+    device: str = "auto",
+    threads: int | None = None,
+    on_event: Watcher = None,
+    **options: Any,
+) -> Calibration:
+    """The camera from image files, as ``quadrille calibrate``: of the specimen, moved in its plane by hand; of a flat target; or one
+    image with points or lengths on it.
+
+    images: names or patterns; the first is the reference.
+    lengths: rows ``x0, y0, x1, y1, mm``: the ends of a known length on the first image, px.
+    points: rows ``x, y, X, Y``: four or more places on the first image, px, and where they are, mm.
+    chessboard, dots: columns and rows of the inner corners, or of the dots, of a target that the images show; ``pitch_mm`` from each
+        to the next.
+    mark_std_px: standard uncertainty of what was marked, 0.5 px without.
+    zones, options: as for :class:`Correlator`.
+
+    Raises CalibrationError for images that do not determine a camera, and as :func:`run`.
+    """
+    said = _quadrille.calibrate(
+        case_text(options, zones), output, images=_names(images), lengths=plain_value(lengths, "lengths"),
+        points=plain_value(points, "points"), chessboard=chessboard, dots=dots, pitch_mm=pitch_mm, mark_std_px=mark_std_px,
+        overwrite=overwrite, device=device, threads=threads, on_event=on_event,
+    )
+    return Calibration(Camera.read(Path(output) / "camera.toml"), Path(output), said)
+
+
+def command(words: str | Sequence[Path_]) -> str:
+    """Runs the program ``quadrille`` of this Python, in a process of its own: what it says on standard output.
+
+    words: a command line without the name of the program, ``"make images star --output images"``, or its words.
+
+    Raises QuadrilleError with what the program says where it cannot run. A result that did not converge is none.
+    """
+    split = shlex.split(words) if isinstance(words, str) else _names(words)
+    ran = subprocess.run([sys.executable, "-m", "quadrille", *split], capture_output=True, text=True, encoding="utf8", errors="replace")
+    if ran.returncode not in (0, 1):
+        said = ran.stderr.strip().removeprefix("quadrille: ")
+        raise QuadrilleError(said or f"quadrille {shlex.join(split)}: ended with {ran.returncode}")
+    return ran.stdout
 
 
 def simulate(
@@ -189,8 +326,10 @@ def metrology(
 ) -> dict[str, Any]:
     """Noise, texture, uncertainty and resolution of images, as ``quadrille metrology``: what metrology.json holds.
 
-    stills: further images of the specimen at rest, for the noise.
+    reference: the specimen at rest; stills: further images of it, for the noise.
+    element_sizes: px, those that are usual without; roi: the part that is looked at, ``x0, y0, x1, y1``, px.
     noise: standard deviation of the noise of one image, grey levels, where it is known.
+    target_sigma_px: standard uncertainty that is wanted; resolve_period_px: the shortest wave that is to be seen.
 
     Raises ImageError for images without texture, of different sizes, or too small.
     """
@@ -247,7 +386,7 @@ def to_xarray(path: Path_) -> xarray.Dataset:
     import xarray
 
     store = _store_in(path)
-    data = xarray.open_zarr(str(store), consolidated=False, chunks=None)
+    data: xarray.Dataset = xarray.open_zarr(str(store), consolidated=False, chunks=None)
     data = data.assign_coords(
         frame=np.arange(1, data.sizes["frame"] + 1),
         component=["x", "y"],

@@ -85,3 +85,37 @@ def test_what_is_no_camera_is_said(tmp_path):
             camera.to_mm(wrong)
     with pytest.raises(quadrille.OptionError, match="one for each place"):
         camera.displacement_mm(PX, PX[:2])
+
+
+@pytest.fixture(scope="module")
+def moved(tmp_path_factory):
+    """A specimen at rest, moved across and along, as files."""
+    folder = tmp_path_factory.mktemp("moved")
+    for name, shift in (("a", "0,0"), ("b", "32,1"), ("c", "-2,28")):
+        words = f"make images translation --size 320x256 --shift={shift} --noise 1 --output"
+        quadrille.command([*words.split(), folder / name])
+    return [folder / name / "000001.tif" for name in "abc"]
+
+
+def test_a_camera_is_found_from_a_specimen_that_was_moved_as_by_the_program(moved, tmp_path, program):
+    events = []
+    found = quadrille.calibrate(moved, tmp_path / "python", lengths=[[40, 128, 240, 128, 10]], device="cpu", on_event=events.append)
+    told = program("calibrate", "--device", "cpu", "--length", "40,128,240,128,10", "--output", tmp_path / "program", *moved)
+    assert told.returncode == 0, told.stderr
+    assert found.camera.keys == quadrille.Camera.read(tmp_path / "program/camera.toml").keys
+    assert found.camera.keys["pixel_size_mm"] == pytest.approx(0.05, rel=2e-3)
+    assert " ".join(told.stdout.split()) == " ".join(" ".join(found.said).split())
+    assert [event["event"] for event in events].count("frame") == 2
+    mm, sigma = found.camera.displacement_mm([160.0, 128.0], [20.0, 0.0])
+    assert abs(mm[0] - 1.0) < 4 * sigma[0] + 2e-3
+
+
+def test_images_that_determine_no_camera_are_refused_with_what_is_missing(moved, tmp_path):
+    with pytest.raises(quadrille.CalibrationError, match="move the specimen"):
+        quadrille.calibrate([moved[0].with_name("000000.tif"), moved[0]], tmp_path / "still", device="cpu")
+    with pytest.raises(quadrille.ImageError, match="(?i)chessboard|target"):
+        quadrille.calibrate(moved[:1], tmp_path / "board", chessboard=(9, 6), pitch_mm=5.0)
+    with pytest.raises(quadrille.OptionError, match="pitch"):
+        quadrille.calibrate(moved[:1], tmp_path / "board", chessboard=(9, 6))
+    with pytest.raises(quadrille.ImageError, match="none.tif"):
+        quadrille.calibrate("none.tif", tmp_path / "none", lengths=[[0, 0, 10, 0, 1]])

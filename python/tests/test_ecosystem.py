@@ -1,5 +1,7 @@
 """A field in other packages, where they are installed."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -79,3 +81,32 @@ def test_progress_says_how_far_it_is(series, tmp_path, capsys):
     quadrille.run(None, tmp_path / "out", images=series / "*.tif", zones=[16, 16, 144, 112], device="cpu", on_event=quadrille.Progress())
     said = capsys.readouterr().err
     assert "5 of 5 frames" in said or "5/5" in said
+
+
+def test_a_notebook_shows_one_line_that_changes_and_no_bar_is_left(monkeypatch):
+    display = pytest.importorskip("IPython.display")
+    shown = []
+
+    class Handle:
+        update = staticmethod(lambda page: shown.append(page.data))
+
+    monkeypatch.setitem(sys.modules, "ipykernel", display)
+    monkeypatch.setattr(display, "display", lambda page, display_id: shown.append(page.data) or Handle())
+    progress = quadrille.Progress()
+    for event in ({"event": "begun", "total": 2, "before": 0}, {"event": "frame"}, {"event": "frame"}, {"event": "finished"}):
+        progress(event)
+    bars = [f"<progress max='1' value='{at / 2:.4f}'></progress> {at} of 2 frames" for at in (1, 2)]
+    assert shown == [*bars, "2 of 2 frames"]
+
+
+def test_gauges_of_a_run_are_tables_of_pandas(series, tmp_path):
+    pytest.importorskip("pandas")
+    gauge = {"name": "a#1", "from": [40, 60], "to": [120, 60]}
+    case = {"images": {"deformed": str(series / "*.tif")}, "extensometer": [gauge]}
+    result = quadrille.run(case, tmp_path / "out", zones=[16, 16, 144, 112], device="cpu")
+    table = result.table("extensometers")
+    assert table["frame"].tolist() == [1, 2, 3, 4, 5] and set(table["extensometer"]) == {"a#1"}
+    assert (table["sigma_elongation_px"] > 0).all()
+    assert "5 of 5 converged" in result._repr_html_()
+    with pytest.raises(quadrille.StoreError, match="extensometers"):
+        result.table("points")

@@ -209,6 +209,13 @@ def test_the_program_of_the_wheel_is_the_program(program):
     assert "MIT" in program("about", "licences").stdout
 
 
+def test_a_command_gives_what_the_program_says_or_its_reason(series, of_program):
+    assert "5 of 5 frames done" in quadrille.command(["status", of_program])
+    assert quadrille.command("--version") == f"quadrille {quadrille.__version__}\n"
+    with pytest.raises(quadrille.QuadrilleError, match="^no such|none"):
+        quadrille.command(f"status '{series}/none'")
+
+
 def test_metrology_of_arrays(reference):
     found = quadrille.metrology(spots((160, 160)), noise=1.0, element_sizes=[16])
     assert found["sizes"][0]["element_size_px"] == 16

@@ -8,11 +8,11 @@ import quadrille
 
 
 @pytest.fixture(scope="module")
-def joint(tmp_path_factory, program):
-    """A small virtual test with its case files."""
+def joint(tmp_path_factory):
+    """A virtual test with its case file."""
     folder = tmp_path_factory.mktemp("joint") / "test"
-    made = program("make", "virtual-test", "--output", folder)
-    assert made.returncode == 0, made.stderr
+    made = quadrille.virtual_test(folder)
+    assert made.outcome == "fine" and made.record == json.loads((folder / "truth.json").read_text())
     return folder
 
 
@@ -33,6 +33,27 @@ def test_a_run_from_images_to_the_law_is_that_of_the_program(joint, program, tmp
     kinds = {event["event"] for event in events}
     assert {"frame", "fitting", "identified", "reported"} <= kinds
     assert (tmp_path / "python/report.html").exists()
+    shown = ran._repr_html_()
+    assert "phi_n" in shown and "image/png" in shown and len(repr(ran)) < 300
+    pandas = pytest.importorskip("pandas")
+    law = ran.table("law")
+    assert isinstance(law, pandas.DataFrame) and (law["low95_MPa"] <= law["high95_MPa"]).all() and set(law["mode"]) == {1, 2}
+    with pytest.raises(quadrille.StoreError, match="budget"):
+        ran.table("none")
+
+
+def test_a_virtual_test_is_that_of_the_program(joint, program, tmp_path):
+    words = ["--instants", 2, "--seed", 3, "--depth", 16, "--mixity", "opening"]
+    made = program("make", "virtual-test", *words, "--output", tmp_path / "program")
+    assert made.returncode == 0, made.stderr
+    quadrille.virtual_test(tmp_path / "python", instants=2, seed=3, depth=16, mixity="opening")
+    files = [sorted(path for path in (tmp_path / name).rglob("*") if path.is_file()) for name in ("program", "python")]
+    assert [path.read_bytes() for path in files[0]] == [path.read_bytes() for path in files[1]] and len(files[0]) > 8
+    with pytest.raises(quadrille.FolderError, match="virtual test"):
+        quadrille.virtual_test(joint)
+    for wrong in ({"depth": 12}, {"mixity": "both"}, {"kinematics": "large"}, {"instants": 0}, {"law": "none"}):
+        with pytest.raises(quadrille.OptionError):
+            quadrille.virtual_test(tmp_path / "wrong", **wrong)
 
 
 def test_cases_that_are_none_are_refused(tmp_path):

@@ -65,7 +65,9 @@ def test_window_strain_and_model_error_are_quantities_and_a_notebook_shows_a_tab
     field = quadrille.Correlator(reference, ZONES, device="cpu", strain_window=3).correlate(deformed)
     assert np.array_equal(field.values("exx_window"), field.window_strain[:, 0], equal_nan=True)
     assert field.values("model_error").shape == (len(field.positions),)
-    assert "nodes measured" in field._repr_html_()
+    assert "nodes measured" in field._repr_html_() and len(field._repr_html_()) < 50_000
+    assert field.interpolation_bias_px.shape == (2,) and (field.interpolation_bias_px >= 0).all()
+    assert np.array_equal(field.values("marks"), field.marks) and field.remarks == []
     with pytest.raises(KeyError, match="exx_window"):
         field.values("ezz")
 
@@ -83,3 +85,12 @@ def test_what_means_nothing_is_refused_and_a_copy_says_what_it_lacks(pair):
     assert copy.status == field.status
     with pytest.raises(quadrille.QuadrilleError, match="correlate again"):
         copy.at([50, 40])
+
+
+def test_a_frame_says_what_there_is_to_say_of_it(pair):
+    reference, deformed, _ = pair
+    correlator = quadrille.Correlator(reference, ZONES, device="cpu", noise=50.0)
+    field = correlator.correlate(deformed)
+    said = {remark["code"]: remark for remark in field.remarks}
+    assert "noise-contradicted" in said and "zone upper" in said["noise-contradicted"]["text"], field.remarks
+    assert "uncertainties are too large" in field._repr_html_()
