@@ -101,6 +101,7 @@ PY
 )
 "$python" scripts/tutorial.py
 (cd "$out" && MYPY_CACHE_DIR="$out/mypy" "$python" -m mypy.stubtest quadrille._quadrille)
+(cd "$out" && MYPY_CACHE_DIR="$out/mypy" "$python" -m mypy --strict --ignore-missing-imports -p quadrille)
 MYPY_CACHE_DIR="$out/mypy" "$python" -m mypy --strict --ignore-missing-imports python/examples
 if [ "$notebooks" = yes ]; then
     echo "== notebooks"
