@@ -39,6 +39,8 @@ const SCRIPT: &str = include_str!("page.js");
 const LAW: &str = include_str!("law.js");
 /// What both pages do with an image: closer, farther, mouse and fingers.
 const IMAGE: &str = include_str!("image.js");
+/// Numbers and curves, of a run and while it goes on.
+const TOOLS: &str = include_str!("tools.js");
 
 /// The code of a number that is not there.
 const MISSING: u16 = u16::MAX;
@@ -73,6 +75,12 @@ pub struct Layer {
     pub palette: Palette,
     /// Whether it is shown by itself.
     pub choice: bool,
+    /// Nodes along a side of the window that its numbers are taken over; 0 without.
+    pub window: usize,
+    /// What `quadrille figures --quantity` is given for it.
+    pub figure: Option<&'static str>,
+    /// Its array in the store, and the component of it as Python selects it.
+    pub stored: Option<(&'static str, Option<String>)>,
 }
 
 /// The numbers of one frame, made small.
@@ -147,6 +155,8 @@ pub struct Column {
 pub struct View<'a> {
     /// What a page of its own begins with; a report has that already.
     pub head: Option<Head>,
+    /// The folder of its fields, as a command is given it.
+    pub folder: String,
     /// The reference image.
     pub backdrop: &'a Backdrop,
     /// mm of a pixel, where they are known.
@@ -182,7 +192,7 @@ impl View<'_> {
     /// The page.
     pub fn html(&self) -> String {
         let page = HTML.replacen("{EXPLORER}", EXPLORER.replace("{OPEN}", " open").trim_end(), 1);
-        page_of(&page, &[IMAGE, SCRIPT, LAW].concat(), &self.data())
+        page_of(&page, &[IMAGE, TOOLS, SCRIPT, LAW].concat(), &self.data())
     }
 
     /// The same within a report.
@@ -195,7 +205,7 @@ impl View<'_> {
         Interactive {
             html,
             style: EXPLORER_STYLE.to_owned(),
-            script: [IMAGE, SCRIPT, LAW].concat(),
+            script: [IMAGE, TOOLS, SCRIPT, LAW].concat(),
             data: within_script(&self.data()),
         }
     }
@@ -219,6 +229,7 @@ impl View<'_> {
             "subtitle": self.head.as_ref().map(|head| &head.subtitle),
             "lead": lead.collect::<Vec<_>>(),
             "image": {"width": width, "height": height, "png": self.backdrop.png().map(|png| STANDARD.encode(png))},
+            "folder": self.folder,
             "pixel_size_mm": self.mm_per_px,
             "mesh": {"nodes": STANDARD.encode(nodes), "elements": STANDARD.encode(elements)},
             "palettes": palettes,
@@ -254,6 +265,9 @@ impl View<'_> {
             "signed": signed,
             "choice": layer.choice,
             "range": [low, high],
+            "window": layer.window,
+            "figure": layer.figure,
+            "python": layer.stored.as_ref().map(|(name, select)| json!({"name": name, "select": select})),
         })
     }
 }

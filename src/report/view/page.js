@@ -52,14 +52,19 @@ function fieldOf(k) {
 }
 
 // --- what is shown
-const state = { frame: Math.max(0, frames.length - 1), layer: Math.max(0, UY), mode: 'value', deformed: false, magnify: 1, scale: 'series', line: null, gauge: [], against: 0 };
+const state = { frame: Math.max(0, frames.length - 1), layer: Math.max(0, UY), mode: 'value', deformed: false, magnify: 1, scale: 'series', picked: { profile: [], gauge: [] }, against: 0 };
 let field = null, positions = nodes;
 const canvas = at('map'), pen = canvas.getContext('2d'), over = document.createElement('canvas'), overPen = over.getContext('2d');
 const picture = new Image();
 const palettes = {};
 for (const name in data.palettes) palettes[name] = bytesOf(data.palettes[name]);
 
-function rangeOf() {
+/** Ends of the colours that were set by hand: of a quantity in all frames, or in one. */
+const byHand = new Map();
+const endsOf = () => state.scale === 'frame' ? `${state.layer} of ${state.frame}` : String(state.layer);
+/** Between which ends the colours go, and what the bar shows: a tenth more on either side, to pull them out to. */
+let range = [0, 1], track = [0, 1];
+function automatic() {
   const layer = layers[state.layer];
   if (state.scale === 'frame') {
     const values = Array.from(field[state.layer]).filter(v => !Number.isNaN(v)).sort((a, b) => a - b);
@@ -89,12 +94,20 @@ function place() {
 
 function draw() {
   view.paint(pen, picture);
-  if (field) { paint(); marks(); }
+  if (field) {
+    const own = byHand.get(endsOf()), all = automatic();
+    range = own || all;
+    if (held < 0) {
+      const low = Math.min(all[0], range[0]), high = Math.max(all[1], range[1]), room = .1 * (high - low);
+      track = [low - room, high + room];
+    }
+    paint(); legend(Boolean(own)); marks(); steps();
+  }
   tools();
 }
 
 function paint() {
-  const layer = layers[state.layer], values = field[state.layer], colours = palettes[layer.palette], range = rangeOf();
+  const layer = layers[state.layer], values = field[state.layer], colours = palettes[layer.palette];
   const w = canvas.width, h = canvas.height, image = pen.createImageData(w, h), out = image.data;
   const alpha = layer.signed ? 205 : 180, scale = 255 / (range[1] - range[0]);
   const triangle = (ax, ay, av, bx, by, bv, cx, cy, cv) => {
@@ -139,12 +152,60 @@ function paint() {
   if (over.width !== w || over.height !== h) { over.width = w; over.height = h; }
   overPen.putImageData(image, 0, 0);
   pen.drawImage(over, 0, 0);
-  const bar = at('colours').getContext('2d'), strip = bar.createImageData(256, 1);
-  for (let t = 0; t < 256; t++) for (let c = 0; c < 4; c++) strip.data[4 * t + c] = c < 3 ? colours[3 * t + c] : 255;
-  bar.putImageData(strip, 0, 0);
-  const digits = v => written(v, (range[1] - range[0]) / 200);
-  at('low').textContent = digits(range[0]) + unitOf(layer);
-  at('high').textContent = digits(range[1]) + unitOf(layer);
+}
+
+// --- the bar of the colours: its ends are pulled, typed or stepped
+/** Which end is held by the pointer: 0, 1, or none (-1). */
+let held = -1;
+const ENDS = ['low', 'high'];
+function legend(isByHand) {
+  const layer = layers[state.layer], colours = palettes[layer.palette], span = track[1] - track[0];
+  const pen = at('colours').getContext('2d'), strip = pen.createImageData(256, 1);
+  for (let x = 0; x < 256; x++) {
+    const v = track[0] + (x + .5) / 256 * span, t = Math.max(0, Math.min(255, Math.floor(255 * (v - range[0]) / (range[1] - range[0]))));
+    for (let c = 0; c < 4; c++) strip.data[4 * x + c] = c < 3 ? colours[3 * t + c] : 255;
+  }
+  pen.putImageData(strip, 0, 0);
+  ENDS.forEach((name, k) => {
+    const handle = at(`bar-${name}`), words = isByHand ? String(range[k]) : written(range[k], (range[1] - range[0]) / 200);
+    handle.style.left = `${100 * (range[k] - track[0]) / span}%`;
+    for (const [key, value] of [['min', track[0]], ['max', track[1]], ['now', range[k]], ['text', words + unitOf(layer)]]) handle.setAttribute(`aria-value${key}`, value);
+    if (document.activeElement !== at(name)) at(name).value = words;
+  });
+  at('bar-unit').textContent = unitOf(layer);
+  at('automatic').disabled = !isByHand;
+}
+/** The colours go from `low` to `high` from now on, where these are ends. */
+function setEnds(low, high) {
+  if (!(high > low && Number.isFinite(high - low))) return false;
+  byHand.set(endsOf(), [low, high]);
+  draw();
+  return true;
+}
+/** Moves an end to a value, and not over the other one; both are then what is written beside the bar. */
+function pull(k, to) {
+  const span = track[1] - track[0], short = v => +written(v, (range[1] - range[0]) / 200), v = short(to), ends = range.map(short);
+  ends[k] = k ? Math.max(v, range[0] + span / 100) : Math.min(v, range[1] - span / 100);
+  setEnds(...ends);
+}
+
+// --- the same by the commands
+/** A word of a command line. */
+const word = text => /^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`;
+function steps() {
+  const { figure, python } = layers[state.layer], [low, high] = ENDS.map((_, k) => String(+range[k].toPrecision(6))), { number } = frames[state.frame];
+  const colours = { viridis: 'viridis', plasma: 'plasma', 'blue-red': 'RdBu_r' }[layers[state.layer].palette];
+  const lines = { figure: figure && `quadrille figures ${word(data.folder)} --frames ${number} --quantity ${figure} --range=${low},${high}` };
+  if (python) {
+    const read = `quadrille.to_xarray(${JSON.stringify(data.folder)})`, frame = [`frame=${number}`, ...(python.select ? [python.select] : [])].join(', ');
+    lines.python = layers[state.layer].place === 'node'
+      ? `${read}.sel(${frame}).plot.scatter(x="x", y="y", hue="${python.name}", vmin=${low}, vmax=${high}, cmap="${colours}", yincrease=False)`
+      : `${read}["${python.name}"].sel(${frame})`;
+  }
+  for (const name of ['figure', 'python']) {
+    at(`step-${name}`).hidden = !lines[name];
+    at(`line-${name}`).textContent = lines[name] || '';
+  }
 }
 
 /** Elements of which something is to be said are crossed out. */
@@ -173,8 +234,9 @@ function tools() {
       if (round) for (const p of points) { pen.beginPath(); pen.arc(...view.toCanvas(p), 5 * window.devicePixelRatio, 0, 7); pen.stroke(); }
     }
   };
-  if (state.line) line(state.line);
-  if (state.gauge.length) line(state.gauge.map(moved), true);
+  const { profile, gauge } = state.picked;
+  if (profile.length) line(profile, profile.length < 2);
+  if (gauge.length) line(gauge.map(moved), true);
 }
 /** Where a point of the reference is drawn. */
 function moved(p) {
@@ -213,14 +275,29 @@ function value(hit, i, of) {
   for (let c = 0; c < 4; c++) sum += hit.w[c] * values[corners[4 * hit.e + c]];
   return sum;
 }
-/** A number with as many digits as `step` is worth. */
-function written(v, step) {
-  if (!Number.isFinite(v)) return 'none';
-  if (!(step > 0)) return String(+v.toPrecision(6));
-  const digits = Math.max(0, Math.min(9, 1 - Math.floor(Math.log10(step))));
-  return Math.abs(v) >= 1e7 || (v !== 0 && Math.abs(v) < 1e-6) ? v.toExponential(3) : v.toFixed(digits);
-}
 const unitOf = layer => layer.unit === '1' ? '' : ' ' + layer.unit;
+/** Of the field `of`, which nodes have a window of `size` nodes that an edge cuts: one lies within the rings around it. */
+let cutOf = {};
+function cuts(size) {
+  if (cutOf.field === field && cutOf.size === size) return cutOf.nodes;
+  const whole = [], edges = new Map();
+  for (let e = 0; e < nElements; e++) {
+    const own = [0, 1, 2, 3].map(c => corners[4 * e + c]);
+    if (own.some(n => Number.isNaN(field[UX][n]))) continue;
+    whole.push(own);
+    own.forEach((n, c) => {
+      const next = own[(c + 1) % 4], key = Math.min(n, next) * nNodes + Math.max(n, next);
+      if (n !== next) edges.set(key, (edges.get(key) || 0) + 1);
+    });
+  }
+  const found = new Uint8Array(nNodes);
+  for (const [key, count] of edges) if (count === 1) found[Math.floor(key / nNodes)] = found[key % nNodes] = 1;
+  for (let ring = 2; ring <= (size - 1) / 2; ring++) for (const own of whole) if (own.some(n => found[n] && found[n] < ring)) for (const n of own) found[n] = found[n] || ring;
+  cutOf = { field, size, nodes: found };
+  return found;
+}
+/** Whether an edge cuts a window that a value in this element comes from. */
+const isCut = ({ e }) => layers[state.layer].window > 0 && [0, 1, 2, 3].some(c => cuts(layers[state.layer].window)[corners[4 * e + c]]);
 /** What stands in the middle of the image of a point, with mm where a scale is known. */
 function whereIs([x, y]) {
   const px = `x ${x.toFixed(1)}, y ${y.toFixed(1)} px`;
@@ -236,89 +313,41 @@ function tell(point) {
   if (layer.key === 'mark') text += data.marks[v] || 'nothing is known of the element';
   else if (Number.isNaN(v)) text += `${layer.label}: not measured here`;
   else text += `${layer.label} = ${written(v, step)}${Number.isNaN(sigma) ? '' : ` \u00b1 ${written(sigma, sigma)}`}${unitOf(layer)}`;
+  if (/^e(xx|yy|xy)$/.test(layer.key) && !Number.isNaN(v)) text += '; its standard uncertainty is known of strains over a window';
+  if (isCut(hit)) text += '; an edge cuts its window';
   const mark = MARK >= 0 && layer.key !== 'mark' ? field[MARK][hit.e] : 0;
   if (mark >= 1 && data.marks[mark]) text += ` (element: ${data.marks[mark]})`;
   at('readout').textContent = text;
 }
 
 // --- curves
-const COLOURS = ['#0072b2', '#d55e00', '#009e73', '#7a4fa3'];
-const SVG = at('curve').namespaceURI;
 let shown = null;
-function ticks(low, high) {
-  const raw = (high - low) / 5, base = 10 ** Math.floor(Math.log10(raw)), step = [1, 2, 5, 10].map(k => k * base).find(s => s >= raw), out = [];
-  for (let v = Math.ceil(low / step - 1e-9) * step; v <= high + 1e-9 * step; v += step) out.push(Math.abs(v) < 1e-9 * step ? 0 : v);
-  return [out, step];
-}
 function chart(plot) {
-  shown = plot;
-  const w = Math.max(300, Math.min(900, at('explorer').clientWidth)), h = Math.round(Math.min(360, .55 * w + 60)), m = { l: 66, r: 12, t: 26, b: 44 };
-  const svg = document.createElementNS(SVG, 'svg');
-  svg.setAttribute('viewBox', `0 0 ${w} ${h}`);
-  svg.setAttribute('role', 'img');
-  svg.setAttribute('aria-label', plot.note);
-  const add = (name, attributes, text) => {
-    const made = document.createElementNS(SVG, name);
-    for (const key in attributes) made.setAttribute(key, attributes[key]);
-    if (text !== undefined) made.textContent = text;
-    svg.append(made);
-    return made;
-  };
-  const finite = list => list.filter(Number.isFinite);
-  const xs = finite(plot.x), ys = finite(plot.series.flatMap(s => s.band ? [...s.y.map((v, k) => v - s.band[k]), ...s.y.map((v, k) => v + s.band[k]), ...s.y] : s.y));
-  at('chart').replaceChildren();
-  if (!xs.length || !ys.length) { at('chart').append(element('p', 'Nothing is measured there.')); return; }
-  const ends = (list, room) => {
-    let low = Math.min(...list), high = Math.max(...list);
-    if (!(high > low)) { const half = Math.abs(low) * .1 || 1; low -= half; high += half; }
-    return [low - room * (high - low), high + room * (high - low)];
-  };
-  const [x0, x1] = ends(xs, 0), [y0, y1] = ends(ys, .05);
-  const X = v => m.l + (v - x0) / (x1 - x0) * (w - m.l - m.r), Y = v => h - m.b - (v - y0) / (y1 - y0) * (h - m.t - m.b);
-  const letters = { 'font-size': 13, 'font-family': 'inherit', fill: '#1a1a1a' };
-  const [xt, xstep] = ticks(x0, x1), [yt, ystep] = ticks(y0, y1);
-  for (const v of xt) { add('line', { x1: X(v), x2: X(v), y1: m.t, y2: h - m.b, stroke: '#ddd' }); add('text', { ...letters, x: X(v), y: h - m.b + 16, 'text-anchor': 'middle' }, written(v, xstep * 9)); }
-  for (const v of yt) { add('line', { x1: m.l, x2: w - m.r, y1: Y(v), y2: Y(v), stroke: '#ddd' }); add('text', { ...letters, x: m.l - 5, y: Y(v) + 4, 'text-anchor': 'end' }, written(v, ystep * 9)); }
-  add('rect', { x: m.l, y: m.t, width: w - m.l - m.r, height: h - m.t - m.b, fill: 'none', stroke: '#333' });
-  add('text', { ...letters, x: (m.l + w - m.r) / 2, y: h - 8, 'text-anchor': 'middle' }, plot.xLabel);
-  add('text', { ...letters, x: 4, y: 16 }, plot.yLabel);
-  plot.series.forEach((s, k) => {
-    const colour = COLOURS[k % COLOURS.length];
-    if (s.band) {
-      const good = plot.x.map((v, i) => i).filter(i => Number.isFinite(plot.x[i]) && Number.isFinite(s.y[i]) && Number.isFinite(s.band[i]));
-      const path = [...good.map(i => [plot.x[i], s.y[i] + s.band[i]]), ...good.reverse().map(i => [plot.x[i], s.y[i] - s.band[i]])];
-      if (path.length) add('polygon', { points: path.map(([x, y]) => `${X(x).toFixed(1)},${Y(y).toFixed(1)}`).join(' '), fill: colour, opacity: .2 });
-    }
-    let d = '', on = false;
-    plot.x.forEach((v, i) => {
-      if (Number.isFinite(v) && Number.isFinite(s.y[i])) { d += `${on ? 'L' : 'M'}${X(v).toFixed(1)} ${Y(s.y[i]).toFixed(1)}`; on = true; } else on = false;
-    });
-    add('path', { d, fill: 'none', stroke: colour, 'stroke-width': 2, 'stroke-dasharray': k ? '6 3' : 'none' });
-    if (plot.here !== undefined && Number.isFinite(s.y[plot.here]) && Number.isFinite(plot.x[plot.here])) add('circle', { cx: X(plot.x[plot.here]), cy: Y(s.y[plot.here]), r: 4, fill: colour });
-    if (plot.series.length > 1) add('text', { ...letters, x: m.l + 8, y: m.t + 16 + 16 * k, fill: colour }, s.name);
-  });
-  at('chart').append(svg);
-  at('chart-note').textContent = plot.note;
+  const made = chartOf(plot, Math.max(300, Math.min(900, at('explorer').clientWidth)));
+  shown = made && plot;
+  at('chart').replaceChildren(made || element('p', 'Nothing is measured there.'));
+  at('chart-note').textContent = made ? plot.note : '';
 }
 function profile() {
-  const [a, b] = state.line, layer = layers[state.layer], n = 240, length = Math.hypot(b[0] - a[0], b[1] - a[1]);
+  const [a, b] = state.picked.profile, layer = layers[state.layer], n = 240, length = Math.hypot(b[0] - a[0], b[1] - a[1]);
   if (!(length > 0)) return;
-  const mm = data.pixel_size_mm, x = [], y = [], band = [];
+  const mm = data.pixel_size_mm, x = [], y = [], band = [], cut = [];
   for (let k = 0; k <= n; k++) {
     const t = k / n, hit = find([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])], positions);
     x.push(t * length * (mm || 1));
     y.push(hit ? value(hit, state.layer) : NaN);
     band.push(hit && layer.sigma >= 0 ? NORMAL_95 * value(hit, layer.sigma) : NaN);
+    cut.push(Boolean(hit) && isCut(hit));
   }
   at('chart-box').hidden = false;
   at('against-label').hidden = true;
   chart({ x, xLabel: `distance along the line (${mm ? 'mm' : 'px'})`, yLabel: `${layer.label}${layer.unit === '1' ? '' : ` (${layer.unit})`}`,
-    series: [{ name: layer.label, y, band: layer.sigma >= 0 ? band : null }],
-    note: `Frame ${frames[state.frame].number}, from ${whereIs(a)} to ${whereIs(b)}${layer.sigma >= 0 ? '; band: 1.96 standard uncertainties by noise at the nodes' : ''}.` });
+    cut, series: [{ name: layer.label, y, band: layer.sigma >= 0 ? band : null }],
+    note: `Frame ${frames[state.frame].number}, from ${whereIs(a)} to ${whereIs(b)}${layer.sigma >= 0 ? '; band: 1.96 standard uncertainties by noise at the nodes' : ''}${cut.includes(true) ? '; grey: an edge cuts the window of the strain' : ''}.` });
 }
 let run = 0;
 async function gauge() {
-  const own = ++run, [a, b] = state.gauge, hits = [a, b].map(p => find(p, nodes));
+  const own = ++run, [a, b] = state.picked.gauge, hits = [a, b].map(p => find(p, nodes));
   at('chart-box').hidden = false;
   at('against-label').hidden = false;
   if (hits.includes(null)) { at('chart').replaceChildren(element('p', 'A point of the gauge lies beside the mesh.')); at('chart-note').textContent = ''; shown = null; return; }
@@ -339,14 +368,13 @@ async function gauge() {
   const column = data.columns[state.against], unit = data.pixel_size_mm ? 'mm' : 'px';
   const x = frames.map(frame => column.values[frame.at] ?? NaN), last = state.frame;
   const strain = along[last] / (length * mm);
-  chart({ x, here: last, xLabel: column.label, yLabel: `displacement of the second point against the first (${unit})`,
+  chart({ x, here: last, xLabel: column.label, yLabel: `second point against the first (${unit})`,
     series: [{ name: 'along the gauge (opening, elongation)', y: along, band: bandAlong }, { name: 'across it (sliding)', y: across, band: bandAcross }],
     note: `From ${whereIs(a)} to ${whereIs(b)}, ${written(length * mm, length * mm / 1000)} ${unit} long. Frame ${frames[last].number}: along ${written(along[last], bandAlong[last] / 2)} ${unit}` +
       ` (engineering strain ${written(strain, bandAlong[last] / 2 / (length * mm))}), across ${written(across[last], bandAcross[last] / 2)} ${unit}; bands: 1.96 standard uncertainties by noise.` });
 }
 function curves() {
-  if (state.mode === 'profile' && state.line) profile();
-  else if (state.mode === 'gauge' && state.gauge.length === 2) gauge();
+  if ((state.picked[state.mode] || []).length === 2) ({ profile, gauge })[state.mode]();
 }
 
 // --- frames
@@ -387,7 +415,7 @@ function choose(mode) {
   state.mode = mode;
   for (const name of ['value', 'profile', 'gauge', 'move']) at(`mode-${name}`).setAttribute('aria-pressed', String(name === mode));
   canvas.className = mode === 'move' ? 'move' : mode === 'value' ? '' : 'busy';
-  at('readout').textContent = { value: 'Point at the field: its value.', profile: 'Drag a line over the field: its values along it.', gauge: 'Two points: how they part, over all frames.', move: 'Drag to move, wheel or two fingers to come closer.' }[mode];
+  at('readout').textContent = { value: 'Point at the field: its value.', profile: 'Drag a line over the field, or click its two ends: values along it.', gauge: 'Drag from one point to another, or click both: how they part, over all frames.', move: 'Drag to move, wheel or two fingers to come closer.' }[mode];
   curves();
 }
 // --- pointer: mouse, pen, fingers
@@ -398,27 +426,38 @@ function reference(p) {
   const hit = find(p, positions);
   return hit ? [0, 1].map(c => hit.w.reduce((s, w, i) => s + w * nodes[2 * corners[4 * hit.e + i] + c], 0)) : p;
 }
+/** Where a drag has begun. */
+let begun = null;
+/** Whether a point is farther from there than a hand shakes: the radius of what marks a point. */
+const isDragged = p => begun && Math.hypot(p[0] - begun[0], p[1] - begun[1]) * view.factor() > 5 * window.devicePixelRatio;
 const view = imageView(canvas, [data.image.width, data.image.height], {
   draw, share: .65, moves: () => state.mode === 'move',
   on: {
     down(p) {
-      if (state.mode === 'profile') state.line = [p, p];
-      if (state.mode === 'value') { last = p; tell(p); }
+      if (state.mode === 'value') { last = p; tell(p); } else begun = p;
     },
-    move(p, event, held) {
-      if (state.mode === 'profile' && held) { state.line[1] = p; draw(); profile(); }
-      if (state.mode === 'value' || state.mode === 'gauge') { last = p; tell(p); }
+    move(p, event, isHeld) {
+      if (state.mode !== 'profile') { last = p; tell(p); }
+      if (!isHeld || !isDragged(p)) return;
+      pick([begun, p]);
+      if (state.mode === 'profile') profile();
     },
     up(p) {
-      if (state.mode === 'gauge') {
-        state.gauge = state.gauge.length === 2 ? [reference(p)] : [...state.gauge, reference(p)];
-        if (state.gauge.length === 2) gauge();
-        draw();
-      }
-      if (state.mode === 'profile') { state.line[1] = p; draw(); profile(); }
+      const before = state.picked[state.mode];
+      if (!before) return;
+      pick(isDragged(p) ? [begun, p] : null, p);
+      begun = null;
+      curves();
     },
   },
 });
+/** Takes two points, or one more of two. */
+function pick(both, one) {
+  const { mode } = state, own = mode === 'gauge' ? reference : p => p;
+  if (both) state.picked[mode] = both.map(own);
+  else state.picked[mode] = state.picked[mode].length === 1 ? [...state.picked[mode], own(one)] : [own(one)];
+  draw();
+}
 
 // --- set up
 function quantity(k) {
@@ -437,14 +476,31 @@ at('next').addEventListener('click', () => { play(false); show(state.frame + 1);
 at('play').addEventListener('click', () => play(timer === null));
 at('frame').addEventListener('input', event => { play(false); show(+event.target.value); });
 at('against').addEventListener('change', event => { state.against = +event.target.value; curves(); });
-at('save').addEventListener('click', () => {
-  if (!shown) return;
-  const quoted = text => `"${text.replaceAll('"', '""')}"`;
-  const head = [shown.xLabel, ...shown.series.flatMap(s => s.band ? [s.name, `${s.name}, 95 % half width`] : [s.name])].map(quoted);
-  const rows = shown.x.map((x, k) => [x, ...shown.series.flatMap(s => s.band ? [s.y[k], s.band[k]] : [s.y[k]])].join(','));
-  const link = element('a', '', { download: 'quadrille-curve.csv', href: `data:text/csv;charset=utf-8,${encodeURIComponent([`# ${shown.note.replaceAll('\n', ' ')}`, `# ${shown.yLabel}`, head.join(','), ...rows].join('\n') + '\n')}` });
-  link.click();
+at('save').addEventListener('click', () => { if (shown) saveTable(shown, 'quadrille-curve'); });
+at('save-picture').addEventListener('click', () => { if (shown) savePicture(at('chart').firstChild, 'quadrille-curve'); });
+for (const name of ENDS) at(name).addEventListener('change', () => {
+  if (!setEnds(...ENDS.map(end => parseFloat(at(end).value)))) { legend(byHand.has(endsOf())); at('readout').textContent = 'The lower end of the colours has to be below the upper one.'; }
 });
+at('automatic').addEventListener('click', () => { byHand.delete(endsOf()); draw(); });
+const bar = at('bar');
+const under = event => { const box = bar.getBoundingClientRect(); return track[0] + (event.clientX - box.left) / box.width * (track[1] - track[0]); };
+bar.addEventListener('pointerdown', event => {
+  const v = under(event);
+  held = Math.abs(v - range[0]) < Math.abs(v - range[1]) ? 0 : 1;
+  if (event.isTrusted) bar.setPointerCapture(event.pointerId);
+  at(`bar-${ENDS[held]}`).focus({ preventScroll: true });
+  event.preventDefault();
+});
+bar.addEventListener('pointermove', event => { if (held >= 0) pull(held, under(event)); });
+for (const type of ['pointerup', 'pointercancel']) bar.addEventListener(type, () => { if (held >= 0) { held = -1; draw(); } });
+ENDS.forEach((name, k) => at(`bar-${name}`).addEventListener('keydown', event => {
+  const by = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -10, PageUp: 10 }[event.key];
+  if (!by) return;
+  event.preventDefault();
+  event.stopPropagation();
+  pull(k, range[k] + by * (track[1] - track[0]) / 100);
+}));
+for (const name of ['figure', 'python']) at(`copy-${name}`).addEventListener('click', async () => { at('readout').textContent = await copied(at(`line-${name}`)); });
 (alone ? document : at('explorer')).addEventListener('keydown', event => {
   if (event.ctrlKey || event.metaKey || event.altKey || ['SELECT', 'INPUT'].includes(event.target.tagName)) return;
   const keys = { ArrowLeft: () => show(state.frame - 1), ArrowRight: () => show(state.frame + 1), Home: () => show(0), End: () => show(frames.length - 1), '+': () => view.closer(1.5), '-': () => view.closer(1 / 1.5), 0: view.whole,

@@ -174,6 +174,7 @@ impl Explored<'_> {
         ));
         View {
             head,
+            folder: self.folder.display().to_string(),
             backdrop: self.reference,
             mm_per_px: header.pixel_size.map(|scale| scale.mm_per_px()),
             mesh: &header.mesh,
@@ -231,8 +232,20 @@ fn of_model(sources: &mut Vec<(Layer, Source)>) {
     for (component, (key, name, of)) in [("mx", "u_x", "sx"), ("my", "u_y", "sy")].into_iter().enumerate() {
         let label = format!("{name} of the model less that measured");
         let sigma = sigma(sources, of);
-        let layer = Layer { key, label, unit: "px", on: On::Nodes, sigma, palette: Palette::BlueRed, choice: true };
-        sources.push((layer, Source::Model(component)));
+        let palette = Palette::BlueRed;
+        let none = Layer {
+            window: 0,
+            figure: None,
+            stored: None,
+            key,
+            label,
+            unit: "px",
+            on: On::Nodes,
+            sigma,
+            palette,
+            choice: true,
+        };
+        sources.push((none, Source::Model(component)));
     }
 }
 
@@ -287,7 +300,13 @@ fn sources(store: &Store, has_model: bool) -> Vec<(Layer, Source)> {
             Place::Elements => On::Elements,
         };
         let unit = variable.unit();
-        let layer = Layer { key, label, unit, on, sigma: place(sigma), palette, choice: true };
+        let select = variable.components().get(component).map(|name| {
+            let axis = variable.axis_of_components();
+            format!("{axis}=\"{}\"", name.trim_start_matches('e'))
+        });
+        let (stored, figure) = (Some((variable.name(), select)), figure_of(key));
+        let window = if variable.is_of_window() { window } else { 0 };
+        let layer = Layer { key, label, unit, on, sigma: place(sigma), palette, choice: true, window, figure, stored };
         (layer, Source::Store(variable, component))
     };
     let mut sources: Vec<_> = rows.iter().map(layer).collect();
@@ -295,6 +314,23 @@ fn sources(store: &Store, has_model: bool) -> Vec<(Layer, Source)> {
         of_model(&mut sources);
     }
     sources
+}
+
+/// What `quadrille figures --quantity` draws the same numbers for.
+fn figure_of(key: &str) -> Option<&'static str> {
+    Some(match key {
+        "ux" => "ux",
+        "uy" => "uy",
+        "exx" => "exx --strain-on nodes",
+        "eyy" => "eyy --strain-on nodes",
+        "exy" => "exy --strain-on nodes",
+        "wxx" => "exx-window",
+        "wyy" => "eyy-window",
+        "wxy" => "exy-window",
+        "residual" => "residual",
+        "misfit" => "misfit",
+        _ => return None,
+    })
 }
 
 /// The numbers of a frame, of each quantity a list.
