@@ -1,6 +1,7 @@
 //! What the page asks for, and what it gets.
 
 use super::folder::{self, Listed};
+use super::gauges;
 use super::job::{Job, Wanted};
 use super::server::{Answer, Asked};
 use crate::cli::args::{Quiet, Threads, ViewArgs};
@@ -14,7 +15,7 @@ use crate::io::case::CaseDocument;
 use crate::io::store::{Place, Store, Variable};
 use crate::report::Backdrop;
 use crate::report::view::{Drawing, Studio};
-use crate::run::{Checked, CheckedZone, Plan, Request, RunError, check, correlation_in, keeps_to};
+use crate::run::{Checked, CheckedZone, Plan, Request, RunError, RunFolder, check, correlation_in, keeps_to};
 use hyper::StatusCode;
 use rayon::ThreadPool;
 use serde::Deserialize;
@@ -56,11 +57,15 @@ impl Studied {
             (false, "") => self.page(asked.number("image")),
             (false, "state") => {
                 let number = |key| asked.number(key).unwrap_or(0);
-                Ok(Answer::json(&self.job.news(number("since"), number("from"))))
+                let mut news = self.job.news(number("since"), number("from"));
+                news["report"] = (!self.job.is_running() && self.report().is_some()).into();
+                Ok(Answer::json(&news))
             }
             (false, "mesh") => self.mesh(),
             (false, "live") => self.live(),
+            (false, "gauges") => self.gauges(asked.number("from").unwrap_or(0)),
             (false, "view") => self.view(),
+            (false, "report") => self.read_report(),
             (true, "check") => self.wish(asked).and_then(|wish| self.check(&wish.case)),
             (true, "case") => self.wish(asked).and_then(|wish| self.write(&wish.case)),
             (true, "run") => self.wish(asked).and_then(|wish| self.run(&wish)),
@@ -108,6 +113,7 @@ impl Studied {
             case: file_name(&self.case),
             output: file_name(&self.output),
             has_results: self.results().is_some(),
+            has_report: self.report().is_some(),
         };
         Ok(Answer::html(page.html()))
     }
@@ -229,6 +235,23 @@ impl Studied {
             }
         }
         Ok(Answer::json(&json!({ "number": number, "fields": fields })))
+    }
+
+    fn gauges(&self, from: usize) -> Result<Answer> {
+        let store = self.results().ok_or("there are no results yet")?;
+        Ok(Answer::json(&gauges::readings(&store, &self.folder, from)?))
+    }
+
+    /// The report of the results, where there is one in the folder.
+    fn report(&self) -> Option<PathBuf> {
+        let path = self.output.join(RunFolder::REPORT);
+        (path.is_file() && folder::is_inside(&self.folder, &path)).then_some(path)
+    }
+
+    fn read_report(&self) -> Result<Answer> {
+        let path = self.report().ok_or("there is no report yet")?;
+        let page = std::fs::read_to_string(&path).map_err(|error| RunError::file(&path, "read", error))?;
+        Ok(Answer::html(page))
     }
 
     fn view(&self) -> Result<Answer> {

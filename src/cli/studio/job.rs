@@ -2,6 +2,7 @@
 
 use crate::cli::{allocator, chain, plural};
 use crate::io::case::read_case;
+use crate::report::summary::Trust;
 use crate::run::{CaseRun, Event, Existing, Outcome, Plan, Request, RunFolder, Session, Stop, run_case, run_series};
 use rayon::ThreadPool;
 use serde_json::{Value, json};
@@ -38,6 +39,8 @@ struct Going {
     notes: Vec<Value>,
     /// How a fit goes.
     fitting: Option<String>,
+    /// How far the displacements can be trusted.
+    trust: Option<String>,
     /// `fine`, `incomplete`, `stopped`, or `failed`.
     outcome: Option<&'static str>,
     error: Option<String>,
@@ -91,6 +94,7 @@ impl Job {
             "frames": &frames[..frames.len().min(FRAMES_AT_ONCE)],
             "notes": going.notes,
             "fitting": going.fitting,
+            "trust": going.trust,
             "outcome": going.outcome,
             "error": going.error,
         })
@@ -157,6 +161,7 @@ impl Job {
                 "residual_grey": summary.residual_grey,
                 "remarks": summary.remarks,
             })),
+            Event::Finished { frames, .. } => going.trust = Trust::of(frames).map(|trust| format!("Trust: {trust}.")),
             Event::Fitting(progress) => {
                 let (doing, runs, seconds) = (progress.doing, progress.evaluation, progress.seconds);
                 going.fitting = Some(format!("fit: {doing}, {}, {seconds:.0} s", plural(runs, "forward run")));

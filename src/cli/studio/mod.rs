@@ -2,6 +2,7 @@
 
 mod desk;
 mod folder;
+mod gauges;
 mod job;
 mod server;
 

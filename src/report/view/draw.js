@@ -313,11 +313,21 @@ function draw() {
       pen.beginPath(); pen.rect(x - r, y - r, 2 * r, 2 * r); pen.fill(); pen.stroke();
     }
   };
+  const plates = [];
   const letters = (words, p, colour) => {
-    const [x, y] = view.toCanvas(p);
-    pen.font = `${14 * ratio}px system-ui, sans-serif`;
-    pen.lineWidth = 3 * ratio; pen.strokeStyle = '#000'; pen.fillStyle = colour;
-    pen.strokeText(words, x + 6 * ratio, y + 18 * ratio); pen.fillText(words, x + 6 * ratio, y + 18 * ratio);
+    pen.font = `bold ${14 * ratio}px system-ui, sans-serif`;
+    const place = view.toCanvas(p), wide = pen.measureText(words).width + 8 * ratio, high = 20 * ratio;
+    let [x, y] = [place[0] + 2 * ratio, place[1] + 3 * ratio];
+    // All of the name of what is in sight, and below names that stand there already.
+    if (place[0] >= 0 && place[0] <= canvas.width && place[1] >= 0 && place[1] <= canvas.height) [x, y] = [Math.min(x, canvas.width - wide), Math.min(y, canvas.height - high)];
+    while (plates.some(other => x < other.x + other.wide && other.x < x + wide && y < other.y + high && other.y < y + high)) y += high;
+    plates.push({ x, y, wide });
+    // A plate as well as an outline: speckles as fine as the strokes of a letter are hidden behind it.
+    pen.fillStyle = 'rgba(0,0,0,.6)';
+    pen.fillRect(x, y, wide, high);
+    pen.lineWidth = 4 * ratio; pen.lineJoin = 'round'; pen.strokeStyle = '#000'; pen.fillStyle = colour;
+    pen.strokeText(words, x + 4 * ratio, y + 15 * ratio); pen.fillText(words, x + 4 * ratio, y + 15 * ratio);
+    pen.lineJoin = 'miter';
   };
   const between = joint();
   if (between && between.gap > 0) {
@@ -516,21 +526,8 @@ at('guard').addEventListener('change', event => {
 at('opening').addEventListener('change', event => { remember(); settings.opening = event.target.checked; changed(); });
 at('joint').addEventListener('change', event => { remember(); settings.joint = event.target.checked; changed(); });
 for (const key in FIELDS) at(`joint-${key}`).addEventListener('change', event => { remember(); const value = parseFloat(event.target.value); settings[key] = Number.isFinite(value) ? Math.max(0, value) : null; changed(); });
-at('copy').addEventListener('click', async () => {
-  try { await navigator.clipboard.writeText(caseText()); say('Copied.'); } catch {
-    const range = document.createRange();
-    range.selectNodeContents(at('case'));
-    getSelection().removeAllRanges();
-    getSelection().addRange(range);
-    say('Marked: copy it with the keys of your system.');
-  }
-});
-at('save').addEventListener('click', () => {
-  const link = document.createElement('a');
-  link.download = 'case.toml';
-  link.href = `data:application/toml;charset=utf-8,${encodeURIComponent(caseText())}`;
-  link.click();
-});
+at('copy').addEventListener('click', async () => say(await copied(at('case'))));
+at('save').addEventListener('click', () => download('case.toml', `data:application/toml;charset=utf-8,${encodeURIComponent(caseText())}`));
 document.addEventListener('keydown', event => {
   if (['SELECT', 'INPUT'].includes(event.target.tagName)) return;
   const key = event.key.toLowerCase();

@@ -1,7 +1,7 @@
 //! The page on which zones, cracks, gauges and a scale are drawn on the reference image: it writes the case file.
 
 use super::super::Backdrop;
-use super::{IMAGE, fill_in, page_of};
+use super::{IMAGE, TOOLS, fill_in, page_of};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
@@ -33,7 +33,7 @@ pub struct Drawing<'a> {
 impl Drawing<'_> {
     /// The page.
     pub fn html(&self) -> String {
-        page_of(&with_parts("", "", ""), &[IMAGE, SCRIPT].concat(), &self.data())
+        page_of(&with_parts("", "", "", ""), &[IMAGE, TOOLS, SCRIPT].concat(), &self.data())
     }
 
     /// What its script is given.
@@ -55,7 +55,9 @@ impl Drawing<'_> {
     }
 }
 
-/// The page with what else it may do (a policy), and what stands before and behind the drawing.
-pub(super) fn with_parts(also: &str, before: &str, behind: &str) -> String {
-    fill_in(HTML, &[("{ALSO}", also), ("{BEFORE}", before.trim_end()), ("{AFTER}", behind.trim_end())])
+/// The page with what else it may do (a policy), and what stands before, beside and behind the drawing.
+pub(super) fn with_parts(also: &str, before: &str, beside: &str, behind: &str) -> String {
+    let parts =
+        [("{BEFORE}", before), ("{BESIDE}", beside), ("{AFTER}", behind)].map(|(name, part)| (name, part.trim_end()));
+    fill_in(HTML, &[&[("{ALSO}", also)], &parts[..]].concat())
 }

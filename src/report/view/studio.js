@@ -39,15 +39,15 @@ function listed() {
 }
 at('folder').textContent = `${data.folder}: the reference is the image at rest, on which is drawn.`;
 own.images.forEach(({ name }, k) => {
-  const reference = element('input'), taken = element('input'), cells = [element('td', k + 1), element('td', name), element('td'), element('td')];
+  const reference = element('input'), taken = element('input'), cells = [element('td', k + 1), element('td'), element('td'), element('td', name)];
   Object.assign(reference, { type: 'radio', name: 'reference', checked: k === own.image });
   reference.setAttribute('aria-label', `${name} is the reference`);
   reference.addEventListener('change', () => { left.delete(name); keep(); location.search = `?image=${k}`; });
   Object.assign(taken, { type: 'checkbox', checked: !left.has(name) });
   taken.setAttribute('aria-label', `${name} is in the series`);
   taken.addEventListener('change', () => { if (taken.checked) left.delete(name); else left.add(name); listed(); });
-  cells[2].append(reference);
-  if (k !== own.image) cells[3].append(taken);
+  cells[1].append(reference);
+  if (k !== own.image) cells[2].append(taken);
   const made = row(cells);
   if (k === own.image) made.className = 'shown';
   at('images').tBodies[0].append(made);
@@ -178,9 +178,57 @@ async function live() {
   } catch { /* the next frame shows it */ }
   looking = false;
 }
+// --- gauges: what was drawn becomes curves while the run goes on
+const WHAT = { elongation: 0, strain: 2 }, NORMAL_95 = 1.959963984540054;
+let gauges = null, reading = false, stale = false, plotted = null;
+/** Reads what the gauges say of the frames that are done since. */
+async function read() {
+  stale = true;
+  if (reading) return;
+  reading = true;
+  try {
+    while (stale) {
+      stale = false;
+      const before = gauges, got = await ask(`gauges?from=${before ? before.last : 0}`);
+      // Another run has begun meanwhile.
+      if (gauges !== before) { stale = true; continue; }
+      gauges = { ...got, rows: [...(before ? before.rows : []), ...got.rows] };
+      if (!before) choices();
+      plot();
+      stale = stale || got.more;
+    }
+  } catch { /* the next frame shows them */ }
+  reading = false;
+}
+function choices() {
+  const fill = (id, names, chosen) => { at(id).replaceChildren(...names.map((name, k) => { const made = element('option', name); made.value = k; return made; })); at(id).value = Math.max(0, names.indexOf(chosen)); };
+  // A force, else a time, else the frame.
+  const begins = words => gauges.loads.find(name => words.some(word => name.toLowerCase().startsWith(word)));
+  fill('gauge-over', ['frame', ...gauges.loads], begins(['load', 'force']) || begins(['stress']) || begins(['time']));
+  fill('gauge-what', [`elongation (${gauges.unit})`, 'engineering strain']);
+}
+function plot() {
+  const { names, loads, unit, rows } = gauges, over = +at('gauge-over').value, what = WHAT[+at('gauge-what').value ? 'strain' : 'elongation'];
+  const number = v => typeof v === 'number' ? v : NaN, of = (k, c) => rows.map(({ values }) => number(values[k] && values[k][what + c]));
+  const isShown = names.length > 0 && rows.length > 0;
+  at('gauges').hidden = !isShown;
+  at('work').classList.toggle('wide', isShown);
+  if (!isShown) return;
+  plotted = { x: rows.map(row => over ? number(row.loads[over - 1]) : row.number), xLabel: over ? loads[over - 1].replace(/^(.*)_(.*)$/, '$1 ($2)') : 'frame', yLabel: what ? 'engineering strain' : `elongation, opening (${unit})`,
+    series: names.map((name, k) => ({ name, y: of(k, 0), band: of(k, 1).map(v => NORMAL_95 * v) })),
+    note: `${names.join(', ')}: ${rows.length} frame${rows.length === 1 ? '' : 's'}; bands: 1.96 standard uncertainties by noise.` };
+  const made = chartOf(plotted, Math.max(300, Math.min(900, at('gauge-chart').clientWidth)));
+  at('gauge-chart').replaceChildren(made || element('p', 'Nothing is measured there.'));
+  at('gauge-note').textContent = plotted.note;
+}
+for (const id of ['gauge-over', 'gauge-what']) at(id).addEventListener('change', plot);
+at('gauge-picture').addEventListener('click', () => { const svg = at('gauge-chart').querySelector('svg'); if (svg) savePicture(svg, 'quadrille-gauges'); });
+at('gauge-numbers').addEventListener('click', () => saveTable(plotted, 'quadrille-gauges'));
+window.addEventListener('resize', () => { if (gauges) plot(); });
+
 let from = 0;
 function told(state) {
-  if (state.done < from || (state.running && !running)) { from = 0; at('done').tBodies[0].replaceChildren(); fieldMesh = null; fields = []; state.frames = []; }
+  if (state.done < from || (state.running && !running)) { from = 0; at('done').tBodies[0].replaceChildren(); fieldMesh = gauges = null; fields = []; state.frames = []; }
   from += state.frames.length;
   for (const frame of state.frames) {
     const made = row([frame.number, frame.file, [frame.status, ...(frame.remarks || []).map(spoken)].join('; '), frame.iterations, frame.residual_grey === null ? '-' : `${frame.residual_grey.toFixed(2)} grey levels`]);
@@ -198,8 +246,11 @@ function told(state) {
   if (running || state.outcome) at('run-state').textContent = running ? `${state.stopping ? 'stopping' : 'running'}: ${count}` : `${words[state.outcome]}: ${count}`;
   at('run').textContent = state.outcome === 'stopped' ? 'resume' : 'run';
   if (running || state.outcome) lines('run-notes', [...state.notes, ...(state.fitting ? [{ text: state.fitting }] : []), ...(state.error ? [fault(state.error)] : [])]);
-  if (running && state.frames.length) live();
-  if (ended) { live(); if (state.outcome !== 'failed') results(); asked = ''; }
+  at('trust').hidden = !state.trust;
+  at('trust').textContent = state.trust || '';
+  at('report').hidden = !state.report;
+  if (running && state.frames.length) { live(); read(); }
+  if (ended) { live(); read(); if (state.outcome !== 'failed') results(); asked = ''; }
 }
 async function follow() {
   let version = -1;
@@ -226,6 +277,7 @@ at('where').textContent = `Written as ${own.case} into the folder when it is run
 document.title = 'quadrille studio';
 at('title').textContent = 'quadrille studio';
 listed();
-if (own.has_results) results();
+at('report').hidden = !own.has_report;
+if (own.has_results) { results(); read(); }
 follow();
 })();

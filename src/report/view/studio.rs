@@ -1,10 +1,11 @@
 //! The page of `quadrille studio`: the images, the drawing, what is checked of it, the run, the results.
 
 use super::draw::{Drawing, SCRIPT as DRAW, with_parts};
-use super::{IMAGE, Palette, colours_of, page_of};
+use super::{IMAGE, Palette, TOOLS, colours_of, page_of};
 use serde_json::{Value, json};
 
 const BEFORE: &str = include_str!("studio_before.html");
+const BESIDE: &str = include_str!("studio_beside.html");
 const AFTER: &str = include_str!("studio_after.html");
 const SCRIPT: &str = include_str!("studio.js");
 /// It asks its own server, and shows the page of the results within.
@@ -29,6 +30,8 @@ pub struct Studio<'a> {
     pub output: String,
     /// Whether there are results.
     pub has_results: bool,
+    /// Whether there is a report of them.
+    pub has_report: bool,
 }
 
 impl Studio<'_> {
@@ -43,8 +46,9 @@ impl Studio<'_> {
             "case": self.case,
             "output": self.output,
             "has_results": self.has_results,
+            "has_report": self.has_report,
             "colours": colours_of(Palette::Viridis),
         });
-        page_of(&with_parts(ALSO, BEFORE, AFTER), &[IMAGE, DRAW, SCRIPT].concat(), &data)
+        page_of(&with_parts(ALSO, BEFORE, BESIDE, AFTER), &[IMAGE, TOOLS, DRAW, SCRIPT].concat(), &data)
     }
 }
