@@ -204,8 +204,8 @@ pub struct Map {
     bar: Option<Vec<u8>>,
     ends: [String; 2],
     caption: String,
-    /// Whether it is much higher than wide: it is then shown as high as a window.
-    is_tall: bool,
+    /// Width over height, where it is much higher than wide: several are then side by side.
+    tall: Option<f64>,
 }
 
 impl Map {
@@ -222,7 +222,7 @@ impl Map {
             Pixels { width: area.width, height: area.height, rgb }.jpeg()
         };
         let bar = picture.bar_area().map(cut).transpose()?;
-        Ok(Self { picture: cut(picture.map_area())?, bar, ends: range, caption: caption.into(), is_tall: false })
+        Ok(Self { picture: cut(picture.map_area())?, bar, ends: range, caption: caption.into(), tall: None })
     }
 
     /// A map that is drawn already, with its bar and what its ends stand for where it has one.
@@ -233,8 +233,8 @@ impl Map {
     ) -> Result<Self, ReportError> {
         let (bar, ends) = bar.unzip();
         let bar = bar.map(Pixels::jpeg).transpose()?;
-        let is_tall = 4 * map.height > 5 * map.width;
-        Ok(Self { picture: map.jpeg()?, bar, ends: ends.unwrap_or_default(), caption, is_tall })
+        let tall = (4 * map.height > 5 * map.width).then(|| f64::from(map.width) / f64::from(map.height));
+        Ok(Self { picture: map.jpeg()?, bar, ends: ends.unwrap_or_default(), caption, tall })
     }
 }
 
@@ -254,6 +254,15 @@ impl Pixels {
             .map_err(ReportError::Encode)?;
         Ok(bytes)
     }
+}
+
+/// How wide a column of a grid is at least, where tall maps stand in it: as high as a window, no less than a caption
+/// needs, and two beside each other on a telephone.
+fn column_of(blocks: &[Block]) -> Option<String> {
+    const HEIGHT_REM: f64 = 28.0;
+    const LEAST_REM: f64 = 10.0;
+    let tall = blocks.iter().find_map(|block| if let Block::Map(map) = block { map.tall } else { None })?;
+    Some(format!("--column:min(47%,{:.1}rem)", (HEIGHT_REM * tall).max(LEAST_REM)))
 }
 
 fn data(kind: &str, bytes: &[u8]) -> String {
@@ -366,7 +375,7 @@ impl Block {
             },
             Self::Map(map) => html! {
                 figure {
-                    img class=[map.is_tall.then_some("tall")] src=(data("jpeg", &map.picture)) alt=(map.caption);
+                    img src=(data("jpeg", &map.picture)) alt=(map.caption);
                     @if let Some(bar) = &map.bar {
                         div.bar { span { (map.ends[0]) } img src=(data("jpeg", bar)) alt="colours from low to high"; span { (map.ends[1]) } }
                     }
@@ -374,7 +383,9 @@ impl Block {
                 }
             },
             Self::Interactive(part) => html! { (PreEscaped(&part.html)) },
-            Self::Grid(blocks) => html! { div.grid { @for block in blocks { div { (block.markup()) } } } },
+            Self::Grid(blocks) => {
+                html! { div.grid style=[column_of(blocks)] { @for block in blocks { div { (block.markup()) } } } }
+            }
         }
     }
 }
