@@ -7,8 +7,11 @@
 use crate::common::blobs;
 use crate::common::data;
 use crate::program;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use blobs::{speckle, uniform};
 use program::Desk;
+use program::browser::seen;
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::correlate::{Correlator, Options};
 use quadrille::field::{ElementMark, Measurement, RemoveRigid, Status, StrainWindow};
@@ -819,6 +822,11 @@ fn figures_of_real_tests_are_small_and_complete() {
     }
 }
 
+/// What nobody can read of the pictures before it.
+const WORDS: &str = r#"<pre id="r">waiting</pre><script>
+onload = () => { const n = document.images.length; r.textContent = `${n} pictures: ${JSON.stringify(crowdedPictures(document))}`; };
+</script>"#;
+
 #[test]
 fn figures_of_a_run_are_drawn_by_name() {
     let desk = Desk::with_series();
@@ -852,6 +860,16 @@ fn figures_of_a_run_are_drawn_by_name() {
     let small = image::open(desk.path("out/figures/000003-ux.png")).unwrap().width();
     let large = image::open(desk.path("out/figures/000003-exx.png")).unwrap().width();
     assert!(large > 3 * small / 2, "{small} px, {large} px");
+    // No two words of a picture lie on one another, and none leaves it.
+    let pictures = ["drawn", "out/figures"].into_iter().flat_map(|folder| {
+        desk.files(folder).into_iter().map(move |name| format!("{folder}/{name}")).filter(|name| name.ends_with(".svg"))
+    });
+    let encoded: Vec<String> = pictures.map(|name| STANDARD.encode(desk.read(&name))).collect();
+    let images = encoded.iter().map(|text| format!("<img src=\"data:image/svg+xml;base64,{text}\">"));
+    let look = format!("{}{WORDS}", images.collect::<String>());
+    if let Some(found) = seen(&desk.path(""), &look) {
+        assert_eq!(found, format!("{} pictures: []", encoded.len()));
+    }
     assert!(desk.path("out/figures/000001-exx.png").exists());
 }
 

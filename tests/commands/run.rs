@@ -271,6 +271,7 @@ f.onload = () => {
     if (e.tagName === 'IMG' && e.naturalWidth === 0) bad.push('no picture: ' + e.alt);
     if (e.children.length === 0 && e.textContent.trim() && parseFloat(s.fontSize) < 11) bad.push('letters of ' + s.fontSize);
   }
+  bad.push(...crowded(d), ...crowdedPictures(d));
   r.textContent = 'elements ' + n + ', faults ' + bad.length + ': ' + bad.slice(0, 5).join('; ');
 };
 </script>"#;

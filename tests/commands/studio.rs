@@ -4,7 +4,7 @@
 #![cfg(feature = "cli")]
 
 use crate::program;
-use program::browser::opened;
+use program::browser::{looking, opened};
 use program::{Desk, moved, speckle};
 use quadrille::synth::{Depth, Translation};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -276,11 +276,13 @@ f.onload = async () => {
       const b = map.getBoundingClientRect(), s = Math.min(b.width / 128, b.height / 96);
       map.dispatchEvent(new w.PointerEvent(type, { bubbles: true, pointerId: 7, pointerType: kind, clientX: b.left + b.width / 2 + (x + .5 - 64) * s, clientY: b.top + b.height / 2 + (y + .5 - 48) * s }));
     };
-    said.files = [...at('images').tBodies[0].rows].map(row => row.cells[1].textContent);
+    said.files = [...at('images').tBodies[0].rows].map(row => row.cells[3].textContent);
     said.subtitle = at('subtitle').textContent;
     said.note = at('images-note').textContent;
     send('pointerdown', [15.5, 15.5]); send('pointermove', [111.5, 79.5]); send('pointerup', [111.5, 79.5]);
     at('name').value = '<i>zone</i>'; at('name').dispatchEvent(new w.Event('change'));
+    // A gauge across the zone.
+    at('tool-extensometer').click(); send('pointerdown', [32, 48]); send('pointermove', [96, 48]); send('pointerup', [96, 48]);
     await until('the check', () => at('zones').tBodies[0].rows.length && at('zones').tBodies[0].rows[0].cells[0].textContent === '<i>zone</i>');
     said.checked = [...at('zones').tBodies[0].rows[0].cells].map(cell => cell.textContent);
     // Known points: 0.05 mm a pixel, the last one seen a pixel away from where a plain camera sees it.
@@ -300,12 +302,28 @@ f.onload = async () => {
     await until('the end', () => at('run-state').textContent.startsWith('stopped') || at('run-state').textContent.startsWith('done'));
     said.stopped = at('run-state').textContent;
     await until('resume', () => at('run').textContent === 'resume' && !at('run').disabled);
+    await until('the curve', () => !at('gauges').hidden && at('gauge-chart').querySelector('path'));
+    said.early = at('gauge-note').textContent;
     await until('the live field', () => at('readout').textContent.includes('u_y'));
     said.live = at('readout').textContent;
     at('run').click();
     await until('all', () => at('run-state').textContent.startsWith('done'));
     said.done = at('run-state').textContent;
     said.notes = at('run-notes').textContent;
+    said.trust = at('trust').hidden ? 'none' : at('trust').textContent;
+    await until('all of the curve', () => at('gauge-note').textContent.includes('300 frames'));
+    said.gauge = [at('gauge-over').selectedOptions[0].textContent, at('gauge-what').selectedOptions[0].textContent, at('gauge-note').textContent];
+    w.HTMLAnchorElement.prototype.click = function () { said.saved = [this.download, this.href.slice(0, 22), this.href.length > 5000]; };
+    at('gauge-picture').click();
+    await until('the picture', () => said.saved);
+    at('gauge-numbers').click(); said.table = said.saved[0];
+    const last = await (await fetch(new URL('gauges?from=299', w.location))).json();
+    said.last = last.rows[0];
+    at('gauge-what').value = 1; at('gauge-what').dispatchEvent(new w.Event('change'));
+    said.strain = at('gauge-chart').textContent;
+    const report = await fetch(at('report').href);
+    said.report = [at('report').hidden, report.status, (await report.text()).includes('Displacements measured on images')];
+    said.crowded = crowded(d);
     await until('the results', () => { const v = at('results').contentDocument; return v && v.getElementById('frame-name') && v.getElementById('frame-name').textContent.includes('frame 300 of 300'); });
     const v = at('results').contentDocument, vw = at('results').contentWindow, vmap = v.getElementById('map');
     v.getElementById('quantity').value = [...v.getElementById('quantity').options].find(o => o.textContent === 'u_x (px)').value;
@@ -381,7 +399,7 @@ fn the_whole_way_from_a_folder_to_results_in_a_browser() {
         // What was drawn before would be there to begin with.
         let _ = std::fs::remove_file(desk.path("case.toml"));
         let studio = Studio::of(&desk, &["--threads", "1"]);
-        let look = WAY.replace("WIDTH", width).replace("KIND", kind).replace("TOKEN", &studio.token);
+        let look = looking(WAY).replace("WIDTH", width).replace("KIND", kind).replace("TOKEN", &studio.token);
         let (port, heard) = before(&studio, look);
         let profile = tempfile::tempdir().unwrap();
         let Some(browser) = opened(profile.path(), &format!("http://127.0.0.1:{port}/look.html")) else { return };
@@ -429,6 +447,25 @@ fn the_whole_way_from_a_folder_to_results_in_a_browser() {
         assert!(text("stopped").starts_with("stopped") && !text("stopped").contains("300 of 300"), "{said}");
         assert!(text("live").contains("frame ") && text("live").contains("u_y"), "{said}");
         assert!(text("done").ends_with("300 of 300 frames") && text("notes").contains("done before"), "{said}");
+        assert!(text("trust").starts_with("Trust: displacements of measured nodes are known to about"), "{said}");
+        // A curve while it went on, and all of it in the end: over the load, in mm of the known points.
+        assert!(text("early").starts_with("extensometer1: ") && !text("early").contains("300 frames"), "{said}");
+        assert_eq!((&said["gauge"][0], &said["gauge"][1]), (&"load_N".into(), &"elongation (mm)".into()), "{said}");
+        assert_eq!(said["saved"].as_array().unwrap().len(), 3, "{said}");
+        assert!(said["table"] == "quadrille-gauges.csv" && text("strain").contains("engineering strain"), "{said}");
+        let table = desk.read("out/quantities/extensometers.csv");
+        let mut lines = table.lines().filter(|line| !line.starts_with('#'));
+        let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+        let cells: Vec<&str> = lines.last().unwrap().split(',').collect();
+        for (c, name) in [(0, "elongation_mm"), (1, "sigma_elongation_px"), (2, "strain_engineering")] {
+            let written: f64 = cells[names.iter().position(|of| *of == name).unwrap()].parse().unwrap();
+            let shown = said["last"]["values"][0][c].as_f64().unwrap();
+            // The table has six digits, and adds to noise what the scale is known to.
+            let wanted = if c == 1 { written * 0.0498 } else { written };
+            assert!((shown - wanted).abs() <= 0.01 * wanted.abs() + 1e-6, "{name}: {shown} {wanted} {said}");
+        }
+        assert_eq!(said["report"], serde_json::json!([false, 200, true]), "{said}");
+        assert_eq!(said["crowded"], serde_json::json!([]), "{width} px");
         assert!(text("probe").contains("u_x = 0.") && text("probe").contains("±"), "{said}");
         assert!(said["foreign"] == 0 && said["ran"] == false && said["wide"] == 0, "{said}");
         // What was done is a case file that the command does again: nothing is missing for it.

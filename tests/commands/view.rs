@@ -43,14 +43,49 @@ f.onload = async () => {
     said.value_before = at('readout').textContent;
     key('ArrowRight');
     await until('the frame again', () => at('frame-name').textContent === said.name);
+    // A gauge by two clicks, then the same by a drag, and a profile the other way round.
+    const drag = (p, q) => { send('pointerdown', p, 'mouse'); send('pointermove', q, 'mouse'); send('pointerup', q, 'mouse'); };
     key('g');
     tap([44, 48], 'touch'); tap([84, 48], 'touch');
     await until('the gauge', () => at('chart-note').textContent.includes('engineering strain'));
     said.gauge = at('chart-note').textContent;
     said.points = at('chart').querySelectorAll('path').length;
+    drag([44, 40], [84, 40]);
+    await until('the other gauge', () => at('chart-note').textContent.includes('y 40.'));
+    said.dragged = at('chart-note').textContent;
     at('mode-profile').click();
-    send('pointerdown', [30, 48], 'mouse'); send('pointermove', [90, 48], 'mouse'); send('pointerup', [90, 48], 'mouse');
+    drag([30, 48], [90, 48]);
     said.profile = at('chart-note').textContent;
+    tap([30, 56], 'mouse'); tap([90, 56], 'mouse');
+    said.clicked = at('chart-note').textContent;
+    w.HTMLAnchorElement.prototype.click = function () { said.saved = [this.download, this.href.slice(0, 22), this.href.length > 5000]; };
+    at('save-picture').click();
+    await until('a picture', () => said.saved);
+    // A strain over a window: with its uncertainty, and where an edge cuts the window.
+    const choose = (id, name) => { at(id).value = [...at(id).options].find(o => o.textContent === name).value; at(id).dispatchEvent(new w.Event('change')); };
+    choose('quantity', 'strain e_xx over 3 x 3 nodes');
+    at('mode-value').click();
+    send('pointermove', [64, 48], 'mouse'); said.inside = at('readout').textContent;
+    send('pointermove', [20, 48], 'mouse'); said.edge = at('readout').textContent;
+    at('mode-profile').click(); drag([30, 48], [111, 48]);
+    said.cut = [at('chart-note').textContent, at('chart').querySelectorAll('.cut').length];
+    // The ends of the colours by number, by pointer and by key; those of a frame are its own.
+    const ends = () => [at('low').value, at('high').value].map(Number), bar = at('bar');
+    const pull = (from, to) => [['pointerdown', from], ['pointermove', to], ['pointerup', to]].forEach(([type, x]) => { const b = bar.getBoundingClientRect(); bar.dispatchEvent(new w.PointerEvent(type, { bubbles: true, pointerId: 8, clientX: b.left + x * b.width, clientY: b.top + 5 })); });
+    const type = (id, value) => { at(id).value = value; at(id).dispatchEvent(new w.Event('change')); };
+    said.ends = [ends()];
+    type('low', -0.002); type('high', 0.012);
+    said.ends.push(ends());
+    said.steps = [at('line-figure').textContent, at('line-python').textContent];
+    choose('scale', 'of this frame'); said.ends.push(ends());
+    type('high', -1); said.refused = at('readout').textContent; said.ends.push(ends());
+    pull(.9, .5); said.ends.push(ends());
+    at('bar-high').dispatchEvent(new w.KeyboardEvent('keydown', { key: 'ArrowLeft', bubbles: true })); said.ends.push(ends());
+    key('ArrowLeft'); await until('another frame', () => at('frame-name').textContent !== said.name); said.ends.push(ends());
+    key('ArrowRight'); await until('the frame again', () => at('frame-name').textContent === said.name); said.ends.push(ends());
+    at('automatic').click(); said.ends.push(ends());
+    choose('scale', 'same for all frames'); said.ends.push(ends());
+    choose('quantity', 'u_x (px)');
     send('pointermove', [2, 2], 'mouse');
     at('mode-value').click();
     tap([2, 2], 'mouse');
@@ -60,6 +95,7 @@ f.onload = async () => {
     said.ran = Boolean(w.ran);
     said.hash = w.location.hash;
     said.wide = Math.max(0, d.documentElement.scrollWidth - f.clientWidth);
+    said.crowded = crowded(d);
     said.small = [...d.querySelectorAll('body *')].filter(e => e.children.length === 0 && e.textContent.trim() &&
       !['SCRIPT', 'STYLE', 'OPTION'].includes(e.tagName) && parseFloat(w.getComputedStyle(e).fontSize) < 11).length;
     const pen = map.getContext('2d').getImageData(0, 0, map.width, map.height).data;
@@ -111,6 +147,7 @@ f.onload = async () => {
     said.ran = Boolean(w.ran);
     said.loaded = w.performance.getEntriesByType('resource').filter(e => !e.name.startsWith('data:')).length;
     said.wide = Math.max(0, d.documentElement.scrollWidth - f.clientWidth);
+    said.crowded = [...crowded(d), ...crowdedPictures(d)];
     said.scrolls = [...d.querySelectorAll('.explore *')].filter(e => e.scrollHeight > e.clientHeight + 1 && ['auto', 'scroll'].includes(w.getComputedStyle(e).overflowY)).length;
     said.paper = [...d.styleSheets].flatMap(sheet => [...sheet.cssRules]).filter(rule => rule.media && rule.media.mediaText === 'print')
       .some(rule => [...rule.cssRules].some(own => own.selectorText === '.explore' && own.style.display === 'none'));
@@ -146,6 +183,8 @@ fn the_page_says_the_motion_of_the_images_under_mouse_finger_and_keys_and_hostil
         "16,16,112,80",
         "--element-size",
         "16",
+        "--strain-window",
+        "3",
         "--output",
         "out",
         "ref.png",
@@ -187,7 +226,31 @@ fn the_page_says_the_motion_of_the_images_under_mouse_finger_and_keys_and_hostil
         );
         assert!(said["files"][1].as_str() == Some(hostile) && said["foreign"] == 0 && said["ran"] == false, "{said}");
         assert!(text("hash").contains("frame=2&quantity=ux"), "{said}");
+        assert!((after(&text("dragged"), "engineering strain") - 0.01).abs() < 5e-4, "{said}");
+        assert!(text("clicked").contains("from x 30.") && text("clicked").contains("y 56."), "{said}");
+        assert_eq!(said["saved"], serde_json::json!(["quadrille-curve.png", "data:image/png;base64,", true]));
+        let strain = after(&text("inside"), "3 x 3 nodes =");
+        assert!((strain - 0.01).abs() < 1e-3 && text("inside").contains("±"), "{said}");
+        assert!(!text("inside").contains("cuts") && text("edge").contains("an edge cuts its window"), "{said}");
+        // From 30 to 111 px: the windows of the nodes in the border are cut, and so what the outermost elements, up to
+        // 31.5 and from 95.5 px on, have of them.
+        let n_cut = said["cut"][1].as_u64().unwrap();
+        let share = 240.0 * (1.5 + 15.5) / 81.0;
+        assert!((n_cut as f64 - share).abs() < 3.0 && said["cut"][0].as_str().unwrap().contains("grey:"), "{said}");
+        let ends = |k: usize| [0, 1].map(|c| said["ends"][k][c].as_f64().unwrap());
+        assert!(ends(0)[0] == -ends(0)[1] && ends(1) == [-0.002, 0.012], "{said}");
+        let [figure, python] = [0, 1].map(|k| said["steps"][k].as_str().unwrap());
+        assert_eq!(figure, "quadrille figures out --frames 2 --quantity exx-window --range=-0.002,0.012");
+        assert!(
+            python.starts_with(r#"quadrille.to_xarray("out").sel(frame=2, strain_component="xx").plot.scatter("#)
+                && python.contains(r#"hue="strain_window", vmin=-0.002, vmax=0.012"#),
+            "{python}"
+        );
+        assert!(ends(2) != ends(1) && ends(3) == ends(2) && text("refused").contains("below the upper one"), "{said}");
+        assert!(ends(4)[1] < ends(3)[1] && ends(4)[0] == ends(3)[0] && ends(5)[1] < ends(4)[1], "{said}");
+        assert!(ends(6) != ends(5) && ends(7) == ends(5) && ends(8) == ends(2) && ends(9) == ends(1), "{said}");
         assert!(said["wide"] == 0 && said["small"] == 0, "{said}");
+        assert_eq!(said["crowded"], serde_json::json!([]), "{width} px");
         assert!(said["colours"].as_u64() > Some(50), "{said}");
     }
     let page = desk.read("out/report.html");
@@ -211,6 +274,7 @@ fn the_page_says_the_motion_of_the_images_under_mouse_finger_and_keys_and_hostil
         assert!(said["files"][1].as_str() == Some(hostile) && said["foreign"] == 0, "{said}");
         assert!(said["ran"] == false && said["loaded"] == 0, "{said}");
         assert!(said["wide"] == 0 && said["scrolls"] == 0, "{said}");
+        assert_eq!(said["crowded"], serde_json::json!([]), "{width} px");
         assert!(said["paper"] == true && said["inside"] == true, "{said}");
         assert!(said["colours"].as_u64() > Some(50), "{said}");
     }
@@ -290,6 +354,7 @@ f.onload = async () => {
     said.unpainted = (drag([80, 20], [90, 20]), at('undo').click(), at('case').textContent !== plain);
     said.case = at('case').textContent;
     said.notes = at('notes').textContent;
+    said.crowded = crowded(d);
     said.wide = Math.max(0, d.documentElement.scrollWidth - f.clientWidth);
   } catch (error) { said.error = String(error); }
   r.textContent = JSON.stringify(said);
@@ -474,6 +539,7 @@ fn what_is_drawn_on_the_image_is_a_case_file_that_the_command_measures_by() {
         }
         assert!(said["without"].as_str().unwrap().contains("Without a zone") && said["notes"] == "", "{said}");
         assert_eq!(said["wide"], 0, "{said}");
+        assert_eq!(said["crowded"], serde_json::json!([]), "{width} px");
         let case = said["case"].as_str().unwrap();
         assert!(case.contains("roi = [16, 8, 112, 40]") && case.contains(r#"name = "upper \"strip\"""#), "{case}");
         assert!(case.contains("# 2.5 mm are 50 px") && case.contains("pixel_size_mm = 0.05"), "{case}");

@@ -16,6 +16,14 @@ const ALONE: [&str; 9] = [
     "--window-size=1400,1000",
 ];
 
+/// `crowded` and `crowdedPictures`: what nobody can read of a page and of the pictures in it.
+const TEXTS: &str = include_str!("texts.js");
+
+/// The page `look`, whose script may ask what nobody can read.
+pub fn looking(look: &str) -> String {
+    look.replacen("<script>", &format!("<script>{TEXTS}"), 1)
+}
+
 /// The browser, where there is one; it is said when not.
 fn program() -> Option<String> {
     let named = std::env::var("QUADRILLE_CHROMIUM").ok();
@@ -45,7 +53,7 @@ pub fn opened(folder: &Path, address: &str) -> Option<Child> {
 pub fn seen(folder: &Path, look: &str) -> Option<String> {
     let program = program()?;
     let page = folder.join("look.html");
-    std::fs::write(&page, look).unwrap();
+    std::fs::write(&page, looking(look)).unwrap();
     let seen = Command::new(program)
         .args(ALONE)
         .args(["--allow-file-access-from-files", "--virtual-time-budget=20000", "--dump-dom"])
