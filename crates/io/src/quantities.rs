@@ -376,8 +376,12 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             }
             let windows = self.windows.as_ref();
             let terms = self.camera.map_or_else(Vec::new, |camera| camera.terms(field));
-            let values = noise.values_only();
-            let off = |term: CameraTerm| self.quantities.draw(&field.changed(&term.change), &values, windows);
+            let (values, mut other) = (noise.values_only(), field.clone());
+            let off = |CameraTerm { change, .. }: CameraTerm| {
+                let changed = field.displacement.iter().zip(change).map(|(u, by)| [u[0] + by[0], u[1] + by[1]]);
+                other.displacement = changed.collect();
+                self.quantities.draw(&other, &values, windows)
+            };
             Drawn { values: self.quantities.draw(field, noise, windows), changed: terms.into_iter().map(off).collect() }
         });
         let whole = drawn.as_ref();

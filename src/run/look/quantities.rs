@@ -212,6 +212,7 @@ pub(crate) fn write(
     let write = || -> Result<QuantitySummary> {
         let open = |name: &str| Ok(BufWriter::new(File::create(unfinished(name))?));
         let Fields { header, camera, pixel_size, pixel_size_std, n_references, element_size_px, regularised } = fields;
+        let camera = &camera.only(quantities.nodes(camera.mesh()));
         let plane = QuantityPlane { camera: Some(camera), pixel_size, pixel_size_std, n_references };
         let tables = QuantityTables::new(quantities, load, plane, regularised, element_size_px, header, open);
         let mut tables = tables.map_err(failed)?;

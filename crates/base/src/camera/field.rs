@@ -1,5 +1,6 @@
 //! A measured field in the plane, and what the uncertainty of the camera does to it.
 
+use super::model::times;
 use super::still::{Similarity, StillMotion, StillZones};
 use super::term::CameraTerm;
 use super::{Camera, CameraError, PARAMETERS};
@@ -48,10 +49,12 @@ pub struct Rectifier {
     raw: Arc<Mesh<Px>>,
     /// Its nodes in the plane; the same mesh where the camera is plain.
     plane: Arc<Mesh<Px>>,
-    /// At each of its nodes, what the columns of the camera change there.
+    /// What each column of the camera changes at each of its nodes, px of the plane.
     at_rest: Vec<Vec<Point>>,
     /// The zones that stay as they are.
     still: Option<StillZones>,
+    /// Whether each node is mapped; all are, without.
+    only: Option<Vec<bool>>,
 }
 
 impl Rectifier {
@@ -63,15 +66,25 @@ impl Rectifier {
         let raw = Arc::clone(mesh);
         let still = |plane: &Mesh<Px>| StillZones::new(&camera.shape().still, &raw, plane.nodes());
         if camera.is_plain() {
-            let at_rest = changes(&camera, raw.nodes());
-            return Ok(Self { still: still(&raw)?, camera, plane: Arc::clone(&raw), at_rest, raw });
+            let at_rest = changes(&camera, raw.nodes(), |_| true);
+            return Ok(Self { still: still(&raw)?, camera, plane: Arc::clone(&raw), at_rest, raw, only: None });
         }
         let place = |&[x, y]: &Point| camera.plane([x, y]).ok_or(CameraError::Folds { x, y });
         let places = mesh.nodes().iter().map(place).collect::<Result<Vec<_>, _>>()?;
         let [x, y] = mesh.nodes().first().copied().unwrap_or_default();
         let plane = mesh.with_nodes(&places).map_err(|_| CameraError::Folds { x, y })?;
-        let at_rest = changes(&camera, plane.nodes());
-        Ok(Self { still: still(&plane)?, camera, raw, plane: Arc::new(plane), at_rest })
+        let at_rest = changes(&camera, plane.nodes(), |_| true);
+        Ok(Self { still: still(&plane)?, camera, raw, plane: Arc::new(plane), at_rest, only: None })
+    }
+
+    /// The same where these nodes alone are read of what it maps: the displacements of the others are no numbers.
+    /// Still zones need all nodes.
+    pub fn only(&self, nodes: Option<Vec<bool>>) -> Self {
+        Self { only: nodes.filter(|_| self.still.is_none()), ..self.clone() }
+    }
+
+    fn is_mapped(&self, node: usize) -> bool {
+        self.only.as_ref().is_none_or(|only| only[node])
     }
 
     /// The camera.
@@ -97,12 +110,12 @@ impl Rectifier {
         let Some(still) = &self.still else { return plane };
         let mut plane = plane.into_owned();
         match still.fit(&plane, &plane.displacement) {
-            Some(similarity) => map_nodes(&mut plane, |node, u| {
+            Some(similarity) => map_nodes(&mut plane, |node, u, _| {
                 let at = self.plane.nodes()[node];
                 let (to, slope) = similarity.undone([at[0] + u[0], at[1] + u[1]]);
                 Some(([to[0] - at[0], to[1] - at[1]], slope))
             }),
-            None => map_nodes(&mut plane, |_, _| None),
+            None => map_nodes(&mut plane, |_, _, _| None),
         }
         Cow::Owned(plane)
     }
@@ -126,10 +139,13 @@ impl Rectifier {
             return Cow::Borrowed(field);
         }
         let mut plane = field.clone();
-        map_nodes(&mut plane, |node, u| {
+        map_nodes(&mut plane, |node, u, near| {
+            if !self.is_mapped(node) {
+                return Some(([f64::NAN; 2], [[f64::NAN; 2]; 2]));
+            }
             let ([x, y], [a, b]) = (self.raw.nodes()[node], self.plane.nodes()[node]);
-            let to = self.camera.plane([x + u[0], y + u[1]])?;
-            Some(([to[0] - a, to[1] - b], self.camera.plane_slope(to)?))
+            let (to, slope) = self.camera.plane_near([x + u[0], y + u[1]], [a + near[0], b + near[1]])?;
+            Some(([to[0] - a, to[1] - b], slope))
         });
         plane.mesh = Arc::clone(&self.plane);
         Cow::Owned(plane)
@@ -143,31 +159,26 @@ impl Rectifier {
     /// What the uncertainty of the camera does to a field, which is in the plane: [`rectify`](Self::rectify) has made
     /// it. Nodes that are not measured have none.
     pub fn terms(&self, plane: &Measurement<Px>) -> Vec<CameraTerm> {
-        let at = |node: usize| {
-            let (from, u) = (self.plane.nodes()[node], plane.displacement[node]);
-            [from[0] + u[0], from[1] + u[1]]
-        };
-        let of_nodes = |name: &'static str, change: &dyn Fn(usize) -> Option<Point>| {
-            let of_node = |node: usize| if plane.measured[node] { change(node).unwrap_or_default() } else { [0.0; 2] };
-            CameraTerm { name, change: (0..plane.measured.len()).map(of_node).collect() }
-        };
-        let places: Vec<Point> = (0..plane.measured.len()).map(at).collect();
-        let there = changes(&self.camera, &places);
-        let by = |column: usize, node: usize| {
-            let (a, b) = (there[node].get(column)?, self.at_rest[node].get(column)?);
-            Some([a[0] - b[0], a[1] - b[1]])
-        };
-        let names = self.camera.shape().covariance.of.iter().map(|&k| NAMES[k]);
-        let mut terms: Vec<CameraTerm> = (0..self.camera.columns().len())
-            .zip(names)
-            .map(|(column, name)| of_nodes(name, &|node| by(column, node)))
-            .collect();
+        let (shape, n) = (self.camera.shape(), plane.measured.len());
+        let moved =
+            self.plane.nodes().iter().zip(&plane.displacement).map(|(from, u)| [from[0] + u[0], from[1] + u[1]]);
+        let places: Vec<Point> = moved.collect();
+        let measured = |node: &usize| plane.measured[*node] && self.is_mapped(*node);
+        let changed =
+            changes(&self.camera, &places, measured).into_iter().zip(&self.at_rest).map(|(mut change, at_rest)| {
+                for node in (0..n).filter(measured) {
+                    let ([x, y], [a, b]) = (change[node], at_rest[node]);
+                    change[node] = [x - a, y - b];
+                }
+                change
+            });
+        let names = shape.covariance.of.iter().map(|&k| NAMES[k]);
+        let mut terms: Vec<_> = names.zip(changed).map(|(name, change)| CameraTerm { name, change }).collect();
         let Some(still) = &self.still else {
-            let shape = self.camera.shape();
             if shape.distance_std > 0.0 {
-                let centre = [shape.theta[5], shape.theta[6]];
-                let nearer = |node: usize| Some([0, 1].map(|c| shape.distance_std * (places[node][c] - centre[c])));
-                terms.push(of_nodes("distance", &nearer));
+                let nearer = |at: &Point| [0, 1].map(|c| shape.distance_std * (at[c] - shape.theta[5 + c]));
+                let change = places.iter().zip(&plane.measured).map(|(at, of)| if *of { nearer(at) } else { [0.0; 2] });
+                terms.push(CameraTerm { name: "distance", change: change.collect() });
             }
             return terms;
         };
@@ -188,31 +199,40 @@ impl Rectifier {
     }
 }
 
-/// What the columns of the camera change at places of the plane; nothing where it does not see.
-fn changes(camera: &Camera, places: &[Point]) -> Vec<Vec<Point>> {
+/// What each column of the camera changes at places of the plane, px; zero at those that are not wanted.
+fn changes(camera: &Camera, places: &[Point], is_wanted: impl Fn(&usize) -> bool) -> Vec<Vec<Point>> {
     let columns = camera.columns();
-    if columns.is_empty() {
-        return vec![Vec::new(); places.len()];
+    let mut changes = vec![vec![[0.0; 2]; places.len()]; columns.len()];
+    for place in (0..places.len()).filter(|place| !columns.is_empty() && is_wanted(place)) {
+        let of_place = camera.plane_changes(places[place], columns).into_iter().flatten();
+        changes.iter_mut().zip(of_place).for_each(|(list, change)| list[place] = change);
     }
-    places.iter().map(|&at| camera.plane_changes(at, columns).unwrap_or_default()).collect()
+    changes
 }
 
 /// Brings the displacement of each measured node to what `map` makes of it, which gives its slope as well; a node where
-/// that is nothing is no longer measured.
-fn map_nodes(field: &mut Measurement<Px>, map: impl Fn(usize, Point) -> Option<(Point, [[f64; 2]; 2])>) {
-    for node in (0..field.measured.len()).filter(|&node| field.measured[node]).collect::<Vec<_>>() {
-        let Some((moved, slope)) = map(node, field.displacement[node]) else {
+/// that is nothing is no longer measured. What `map` takes last is about what it will give.
+fn map_nodes(field: &mut Measurement<Px>, map: impl Fn(usize, Point, Point) -> Option<(Point, [[f64; 2]; 2])>) {
+    for node in 0..field.measured.len() {
+        if !field.measured[node] {
+            continue;
+        }
+        let u = field.displacement[node];
+        let Some((moved, slope)) = map(node, u, u) else {
             field.measured[node] = false;
             (field.displacement[node], field.sigma[node]) = ([0.0; 2], [0.0; 2]);
             continue;
         };
-        let spread = |sigma: Point| slope.map(|row| (row[0] * sigma[0]).hypot(row[1] * sigma[1]));
+        let spread = |sigma: Point| slope.map(|row| ((row[0] * sigma[0]).powi(2) + (row[1] * sigma[1]).powi(2)).sqrt());
         (field.displacement[node], field.sigma[node]) = (moved, spread(field.sigma[node]));
         if let Some(ModelError { nodes, .. }) = &mut field.model_error {
             nodes[node] = spread(nodes[node]);
         }
         if let Some(PointField { displacement, sigma, .. }) = &mut field.points {
-            displacement[node] = map(node, displacement[node]).map_or(moved, |(moved, _)| moved);
+            let value = displacement[node];
+            let [x, y] = times(slope, [value[0] - u[0], value[1] - u[1]]);
+            let near = [moved[0] + x, moved[1] + y];
+            displacement[node] = map(node, value, near).map_or(moved, |(moved, _)| moved);
             sigma[node] = spread(sigma[node]);
         }
     }
@@ -222,7 +242,7 @@ fn map_nodes(field: &mut Measurement<Px>, map: impl Fn(usize, Point) -> Option<(
 mod tests {
     use super::*;
     use crate::camera::{CameraShape, Covariance};
-    use crate::field::Status;
+    use crate::field::{Extensometer, NodalNoise, Quantities, Region, Segment, Status};
     use crate::mesh::{Roi, Zone};
 
     fn field(mesh: Mesh<Px>, u: impl Fn(Point) -> Point) -> Measurement<Px> {
@@ -294,6 +314,37 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn what_is_read_at_places_needs_the_nodes_around_them_alone() {
+        let camera = bent(1e-4);
+        let mut seen = field(mesh(), |[x, y]| [20.0 + 0.01 * x + 1e-5 * y * y, -5.0 - 0.02 * y]);
+        seen.measured[50] = false; // near the line
+        let whole = Rectifier::new(camera, &seen.mesh).unwrap();
+        let quantities = Quantities {
+            points: vec![("a".to_owned(), [251.0, 243.0]), ("out".to_owned(), [5.0, 5.0])],
+            lines: vec![("b".to_owned(), Segment::new([70.0, 70.0], [200.0, 70.0], 8.0).unwrap())],
+            extensometers: vec![("c".to_owned(), Extensometer::new([60.0, 400.0], [300.0, 400.0], 50.0).unwrap())],
+            ..Quantities::default()
+        };
+        let nodes = quantities.nodes(whole.mesh()).unwrap();
+        assert!(nodes.contains(&true) && nodes.contains(&false));
+        let drawn = [whole.only(Some(nodes)), whole].map(|rectifier| {
+            let plane = rectifier.rectify(&seen);
+            let noise = NodalNoise::of(&*plane).mapped_from(rectifier.raw_mesh());
+            let read = |field: &Measurement<Px>| quantities.draw(field, &noise, None);
+            let changed = rectifier.terms(&plane).into_iter().map(|term| {
+                let add = |(u, by): (&Point, Point)| [u[0] + by[0], u[1] + by[1]];
+                let displacement = plane.displacement.iter().zip(term.change).map(add).collect();
+                read(&Measurement { displacement, ..plane.clone().into_owned() })
+            });
+            [read(&plane)].into_iter().chain(changed).collect::<Vec<_>>()
+        });
+        assert!(drawn[0][0].extensometers[0].is_some() && drawn[0][0].points[0].is_some());
+        assert!(drawn[0].len() == 1 + PARAMETERS.len() && drawn[0] == drawn[1]);
+        let of_zone = Quantities { regions: vec![("d".to_owned(), Region::of_zone(0))], ..quantities };
+        assert_eq!(of_zone.nodes(&seen.mesh), None);
     }
 
     /// A specimen between two rails.

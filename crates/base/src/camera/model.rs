@@ -12,6 +12,10 @@ const CHECKED: usize = 17;
 const MILD: f64 = 0.5;
 /// Change of the area below which it is taken to fold.
 const FOLD: f64 = 0.05;
+/// Distance from the camera, of that of the centre, up to which the plane is in sight: behind it nothing is seen.
+const IN_SIGHT: f64 = 0.1;
+/// Newton's steps square their error: what follows one of this size, in lengths that are divided by `f`, is round-off.
+const SETTLED: f64 = 1e-9;
 
 /// A camera, its parameters and their uncertainty.
 ///
@@ -116,9 +120,11 @@ impl Camera {
 
     /// Where the point `at` of the plane falls, raw px.
     pub fn pixel(&self, at: Point) -> Point {
-        let seen = self.seen(at);
-        let [a, b] = self.distorted(seen.n);
-        let f = self.shape.focal_px;
+        self.pixel_of(&self.seen(at))
+    }
+
+    fn pixel_of(&self, seen: &Seen) -> Point {
+        let ([a, b], f) = (self.distorted(seen.n), self.shape.focal_px);
         [seen.centre[0] + f[0] * a, seen.centre[1] + f[1] * b]
     }
 
@@ -133,8 +139,29 @@ impl Camera {
         let matrix = [0, 1].map(|i| [0, 1].map(|j| a[i][j] - q[i] * h[j]));
         let inverse = inverse(matrix)?;
         let d = times(inverse, q);
-        // Behind the camera nothing is seen.
-        (1.0 + h[0] * d[0] + h[1] * d[1] > 0.1).then_some([cx + d[0], cy + d[1]])
+        (1.0 + h[0] * d[0] + h[1] * d[1] > IN_SIGHT).then_some([cx + d[0], cy + d[1]])
+    }
+
+    /// The same with `dX/dx` there, by few steps from a place of the plane that is `near`.
+    pub(super) fn plane_near(&self, px: Point, near: Point) -> Option<(Point, Square)> {
+        const STEPS: usize = 4;
+        let settled = SETTLED * SETTLED * self.shape.focal_px[0] * self.shape.focal_px[1];
+        let mut at = near;
+        for _ in 0..STEPS {
+            let seen = self.seen(at);
+            let lens = self.lens_slope(seen.n);
+            if !(seen.w > IN_SIGHT && determinant(lens) > MILD) {
+                break;
+            }
+            let (slope, there) = (inverse(product(lens, seen.slope))?, self.pixel_of(&seen));
+            let [x, y] = times(slope, [px[0] - there[0], px[1] - there[1]]);
+            at = [at[0] + x, at[1] + y];
+            if x * x + y * y <= settled {
+                return Some((at, slope));
+            }
+        }
+        let at = self.plane(px)?;
+        Some((at, self.plane_slope(at)?))
     }
 
     /// `dP/dX` at the point `at` of the plane.
@@ -165,8 +192,8 @@ impl Camera {
             radial(r2 * r2 * r2),
             [1.0 - moved[0][0], -moved[1][0]],
             [-moved[0][1], 1.0 - moved[1][1]],
-            through(q.map(|q| -q * d[0] / w)),
-            through(q.map(|q| -q * d[1] / w)),
+            through([-q[0] * d[0] / w, -q[1] * d[0] / w]),
+            through([-q[0] * d[1] / w, -q[1] * d[1] / w]),
             through([d[0] / w, -d[1] / w]),
             through([d[1] / w, d[0] / w]),
         ]
@@ -175,15 +202,16 @@ impl Camera {
     /// Change of the point of the plane that is seen at a raw pixel, for a change of the parameters:
     /// `dX/dtheta = -(dP/dX)^-1 dP/dtheta`. `at` is that point.
     pub fn plane_change(&self, at: Point, by: &Theta) -> Option<Point> {
-        self.plane_changes(at, std::slice::from_ref(by))?.first().copied()
+        self.plane_changes(at, std::slice::from_ref(by))?.next()
     }
 
     /// The same for several changes, for which the derivatives are made once.
-    pub fn plane_changes(&self, at: Point, by: &[Theta]) -> Option<Vec<Point>> {
+    pub fn plane_changes(&self, at: Point, by: &[Theta]) -> Option<impl Iterator<Item = Point>> {
         let slope = self.plane_slope(at)?;
         let list = self.by_parameters(at);
-        let sum = |by: &Theta| [0, 1].map(|c| -list.iter().zip(by).map(|(by, t)| by[c] * t).sum::<f64>());
-        Some(by.iter().map(|by| times(slope, sum(by))).collect())
+        let less = |sum: Point, (by, t): (&Point, &f64)| [sum[0] - by[0] * t, sum[1] - by[1] * t];
+        let sum = move |by: &Theta| list.iter().zip(by).fold([0.0; 2], less);
+        Some(by.iter().map(move |by| times(slope, sum(by))))
     }
 
     fn normalised(&self, px: Point) -> Point {
@@ -204,9 +232,11 @@ impl Camera {
         let d = [at[0] - centre[0], at[1] - centre[1]];
         let (h, a) = (self.tilt(), self.stretch());
         let w = 1.0 + h[0] * d[0] + h[1] * d[1];
-        let q = times(a, d).map(|v| v / w);
-        let f = self.shape.focal_px;
-        let slope = [0, 1].map(|i| [0, 1].map(|j| (a[i][j] - q[i] * h[j]) / w));
+        let nearer = 1.0 / w;
+        let ([x, y], f) = (times(a, d), self.shape.focal_px);
+        let q = [x * nearer, y * nearer];
+        let row = |[x, y]: Point, q: f64| [(x - q * h[0]) * nearer, (y - q * h[1]) * nearer];
+        let slope = [row(a[0], q[0]), row(a[1], q[1])];
         Seen { centre, d, w, q, n: [q[0] / f[0], q[1] / f[1]], slope }
     }
 
@@ -229,8 +259,8 @@ impl Camera {
 
     /// The same in pixels.
     fn lens_slope(&self, n: Point) -> Square {
-        let (slope, f) = (self.distortion_slope(n), self.shape.focal_px);
-        [0, 1].map(|i| [0, 1].map(|j| f[i] * slope[i][j] / f[j]))
+        let ([[xx, xy], [yx, yy]], f) = (self.distortion_slope(n), self.shape.focal_px);
+        [[xx, f[0] / f[1] * xy], [f[1] / f[0] * yx, yy]]
     }
 
     /// Inverts the distortion: by Newton's method from the place itself where the distortion is mild, else along the ray.
@@ -257,14 +287,13 @@ impl Camera {
         let mut n = start;
         for _ in 0..30 {
             let slope = self.distortion_slope(n);
-            if slope[0][0] * slope[1][1] - slope[0][1] * slope[1][0] < least {
+            if determinant(slope) < least {
                 return None;
             }
             let at = self.distorted(n);
-            let correction = times(inverse(slope)?, [goal[0] - at[0], goal[1] - at[1]]);
-            n = [n[0] + correction[0], n[1] + correction[1]];
-            // Newton's steps square their error: what follows one of 1e-9 is round-off.
-            if correction[0].hypot(correction[1]) <= 1e-9 * (1.0 + n[0].hypot(n[1])) {
+            let [x, y] = times(inverse(slope)?, [goal[0] - at[0], goal[1] - at[1]]);
+            n = [n[0] + x, n[1] + y];
+            if x * x + y * y <= SETTLED * SETTLED * (1.0 + n[0] * n[0] + n[1] * n[1]) {
                 return Some(n);
             }
         }
@@ -295,18 +324,23 @@ struct Seen {
     slope: Square,
 }
 
-pub(super) fn times(matrix: Square, v: Point) -> Point {
-    matrix.map(|row| row[0] * v[0] + row[1] * v[1])
+pub(super) fn times([[a, b], [c, d]]: Square, [x, y]: Point) -> Point {
+    [a * x + b * y, c * x + d * y]
 }
 
-pub(super) fn product(a: Square, b: Square) -> Square {
-    a.map(|row| [0, 1].map(|j| row[0] * b[0][j] + row[1] * b[1][j]))
+/// Element by element: maps of maps are calls.
+pub(super) fn product([[a, b], [c, d]]: Square, [[e, f], [g, h]]: Square) -> Square {
+    [[a * e + b * g, a * f + b * h], [c * e + d * g, c * f + d * h]]
+}
+
+fn determinant(m: Square) -> f64 {
+    m[0][0] * m[1][1] - m[0][1] * m[1][0]
 }
 
 pub(super) fn inverse(m: Square) -> Option<Square> {
-    let determinant = m[0][0] * m[1][1] - m[0][1] * m[1][0];
-    let inverse = [[m[1][1] / determinant, -m[0][1] / determinant], [-m[1][0] / determinant, m[0][0] / determinant]];
-    inverse.iter().flatten().all(|v| v.is_finite()).then_some(inverse)
+    let by = 1.0 / determinant(m);
+    let inverse = [[m[1][1] * by, -m[0][1] * by], [-m[1][0] * by, m[0][0] * by]];
+    inverse.iter().flatten().sum::<f64>().is_finite().then_some(inverse)
 }
 
 #[cfg(test)]
@@ -345,6 +379,22 @@ mod tests {
             }
             let one = product(camera.plane_slope(at).unwrap(), forth);
             assert!((one[0][0] - 1.0).abs() < 1e-12 && one[0][1].abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn from_a_place_nearby_the_inverse_is_the_same() {
+        let camera = bent();
+        for px in PLACES {
+            let at = camera.plane(px).unwrap();
+            let slope = camera.plane_slope(at).unwrap();
+            // A point, what moved by some px, and a start that leads nowhere.
+            for near in [at, [at[0] + 12.0, at[1] - 9.0], [f64::NAN; 2], [1e9, 0.0]] {
+                let (found, of) = camera.plane_near(px, near).unwrap();
+                // Positions near 1000: some roundings. Slopes are those before the last step.
+                assert!((found[0] - at[0]).hypot(found[1] - at[1]) < 1e-12 * 1e3, "{near:?} {found:?} {at:?}");
+                assert!(of.iter().flatten().zip(slope.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-10));
+            }
         }
     }
 

@@ -195,19 +195,6 @@ impl Measurement<Px> {
 }
 
 impl<U: Length> Measurement<U> {
-    /// The field with `change` added to every displacement.
-    pub fn changed(&self, change: &[[f64; 2]]) -> Self {
-        let add = |list: &mut Vec<[f64; 2]>| {
-            list.iter_mut().zip(change).for_each(|(u, by)| *u = [u[0] + by[0], u[1] + by[1]]);
-        };
-        let mut changed = self.clone();
-        add(&mut changed.displacement);
-        if let Some(points) = &mut changed.points {
-            add(&mut points.displacement);
-        }
-        changed
-    }
-
     /// Displacement of each node as read at a point: [`Measurement::points`] where known, else the coefficients.
     pub fn at_points(&self) -> &[[f64; 2]] {
         self.points.as_ref().map_or(&self.displacement, |points| &points.displacement)

@@ -71,6 +71,8 @@ pub struct Mesh<U: Length> {
     /// Where each zone's nodes and elements begin; one more entry closes the last.
     first_node: Vec<usize>,
     first_element: Vec<usize>,
+    /// Square root of the mean area of the elements.
+    element_size: f64,
     unit: PhantomData<U>,
 }
 
@@ -252,6 +254,7 @@ impl<U: Length> Mesh<U> {
             element_zone: Vec::new(),
             first_node: vec![0],
             first_element: vec![0],
+            element_size: 0.0,
             unit: PhantomData,
         };
         for (zone, part) in parts.into_iter().enumerate() {
@@ -276,6 +279,8 @@ impl<U: Length> Mesh<U> {
             mesh.first_node.push(mesh.nodes.len());
             mesh.first_element.push(mesh.elements.len());
         }
+        let area: f64 = (0..mesh.n_elements()).map(|element| mesh.geometry(element).area()).sum();
+        mesh.element_size = (area / mesh.n_elements().max(1) as f64).sqrt();
         mesh
     }
 
@@ -359,8 +364,7 @@ impl<U: Length> Mesh<U> {
 
     /// Square root of the mean area of the elements.
     pub fn element_size(&self) -> f64 {
-        let all: f64 = (0..self.n_elements()).map(|element| self.geometry(element).area()).sum();
-        (all / self.n_elements().max(1) as f64).sqrt()
+        self.element_size
     }
 
     /// The rectangle around a zone: that of its grid, or of its nodes.

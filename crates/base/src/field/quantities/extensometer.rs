@@ -89,16 +89,29 @@ impl Extensometer {
         })
     }
 
-    /// Nodes and weights of the mean over the gauge line through `centre`.
-    fn gauge<U: Length>(&self, mesh: &Mesh<U>, noise: &NodalNoise, centre: [f64; 2]) -> Option<Vec<(usize, f64)>> {
+    /// Where it is read: the places on both gauge lines.
+    pub(super) fn places<U: Length>(&self, mesh: &Mesh<U>) -> Vec<[f64; 2]> {
+        [self.from, self.to].into_iter().flat_map(|centre| self.line(mesh, centre)).collect()
+    }
+
+    /// The places on the gauge line through `centre`.
+    fn line<U: Length>(&self, mesh: &Mesh<U>, centre: [f64; 2]) -> Vec<[f64; 2]> {
         let (along, length) = (minus(self.to, self.from), distance(self.to, self.from));
         let across = [-along[1] / length, along[0] / length];
         let n = (SAMPLES * self.width / mesh.element_size()).ceil().clamp(1.0, 10_000.0);
-        let mut weights = Vec::new();
-        for k in 0..n as usize {
+        let place = |k: usize| {
             let t = ((k as f64 + 0.5) / n - 0.5) * self.width;
-            let shape = shape_at(mesh, [centre[0] + t * across[0], centre[1] + t * across[1]])?;
-            weights.extend(noise.at(mesh, &shape).into_iter().map(|(node, w)| (node, w / n)));
+            [centre[0] + t * across[0], centre[1] + t * across[1]]
+        };
+        (0..n as usize).map(place).collect()
+    }
+
+    /// Nodes and weights of the mean over the gauge line through `centre`.
+    fn gauge<U: Length>(&self, mesh: &Mesh<U>, noise: &NodalNoise, centre: [f64; 2]) -> Option<Vec<(usize, f64)>> {
+        let (places, mut weights) = (self.line(mesh, centre), Vec::new());
+        for &place in &places {
+            let value = noise.at(mesh, &shape_at(mesh, place)?);
+            weights.extend(value.into_iter().map(|(node, w)| (node, w / places.len() as f64)));
         }
         Some(weights)
     }

@@ -5,7 +5,12 @@ use super::{
     RemoveRigid, RigidRemoved, Segment, Value, at_point, remove_rigid,
 };
 use crate::field::{Measurement, StrainDefinition, StrainWindow, StrainWindows, TensorStrain};
+use crate::mesh::Mesh;
 use crate::units::Length;
+
+/// What is read at a point is a sum over the nodes of its element and of so many rings of elements around it, at most:
+/// values at points reach three from a node.
+const RINGS: usize = 4;
 
 /// The quantities asked for, each with its name.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -89,6 +94,30 @@ impl Quantities {
             && self.regions.is_empty()
             && self.openings.is_empty()
             && self.cracks.is_empty()
+    }
+
+    /// Which nodes of `mesh` they are read from, and perhaps some more; `None` is all of them.
+    pub fn nodes<U: Length>(&self, mesh: &Mesh<U>) -> Option<Vec<bool>> {
+        let of_all = self.remove_rigid.is_some() || self.window.is_some() || !self.regions.is_empty();
+        if of_all || !self.openings.is_empty() || !self.cracks.is_empty() {
+            return None;
+        }
+        let on_lines = self.lines.iter().flat_map(|(_, line)| line.points()).map(|(_, at)| at);
+        let of_gauges = self.extensometers.iter().flat_map(|(_, gauge)| gauge.places(mesh));
+        let places = self.points.iter().map(|(_, at)| *at).chain(on_lines).chain(of_gauges);
+        let mut is_in = vec![false; mesh.n_elements()];
+        places.filter_map(|[x, y]| mesh.find(x, y)).for_each(|(element, ..)| is_in[element] = true);
+        let nodes_of = |is_in: &[bool]| {
+            let mut nodes = vec![false; mesh.n_nodes()];
+            let elements = mesh.elements().iter().zip(is_in).filter(|(_, is_in)| **is_in);
+            elements.flat_map(|(of, _)| of).for_each(|&node| nodes[node as usize] = true);
+            nodes
+        };
+        for _ in 0..RINGS {
+            let nodes = nodes_of(&is_in);
+            is_in = mesh.elements().iter().map(|of| of.iter().any(|&node| nodes[node as usize])).collect();
+        }
+        Some(nodes_of(&is_in))
     }
 
     /// Draws them from one field; strains over a window where `windows` makes them.
