@@ -442,6 +442,45 @@ fn a_case_that_cannot_be_run_is_one_clear_line() {
 }
 
 #[test]
+fn a_joint_without_zones_is_found_in_the_reference_to_a_pixel_and_can_be_edited() {
+    let folder = tempfile::tempdir().unwrap();
+    let base = text(made().join("case.toml")).replace("\"images/", &format!("\"{}/images/", made().display()));
+    let (head, rest) = base.split_once("[[zone]]").unwrap();
+    let (_, joint) = rest.split_once("[interface]").unwrap();
+    // Refused when the joint is known, before anything is correlated.
+    let joint = joint.replacen("zones = ", "# zones = ", 1).replace("nodes = \"free\"", "nodes = [1000000]");
+    let case = folder.path().join("case.toml");
+    let found = |zones: &str| {
+        std::fs::write(&case, format!("{head}{zones}\n[interface]{joint}")).unwrap();
+        let (code, said) = run(&case, &folder.path().join("out"));
+        assert!(code == Some(2) && said.contains("node 1000000"), "{said}");
+        said
+    };
+    let said = found("");
+    let zones = said.split_once("case.toml:\n").unwrap().1;
+    let zones: String = zones
+        .lines()
+        .take_while(|line| ["[[", "name", "roi"].iter().any(|of| line.starts_with(of)))
+        .map(|l| format!("{l}\n"))
+        .collect();
+    let roi = |name: &str| -> [f64; 4] {
+        let zone: toml::Table = toml::from_str(&zones).unwrap();
+        let zone = zone["zone"].as_array().unwrap().iter().find(|zone| zone["name"].as_str() == Some(name)).unwrap();
+        let numbers = zone["roi"].as_array().unwrap().iter().map(|v| v.as_float().unwrap());
+        numbers.collect::<Vec<_>>().try_into().unwrap()
+    };
+    // Where the images were drawn: 207.97 and 239.03.
+    assert!((roi("upper")[3] - 207.97).abs() < 1.0 && (roi("lower")[1] - 239.03).abs() < 1.0, "{zones}");
+    assert!(said.contains("joint found: faces 31.") || said.contains("joint found: faces 30."), "{said}");
+    assert!(!found(&zones).contains("joint found"), "what is named is not looked for");
+    let blank = head.replace("reference = ", "reference = \"blank.png\" # ");
+    image::GrayImage::from_pixel(720, 448, image::Luma([90])).save(folder.path().join("blank.png")).unwrap();
+    std::fs::write(&case, format!("{blank}[interface]{joint}")).unwrap();
+    let (code, said) = run(&case, &folder.path().join("out"));
+    assert!(code == Some(2) && said.contains("no joint is found") && said.contains("quadrille make page"), "{said}");
+}
+
+#[test]
 fn a_pixel_size_in_micrometres_is_refused_before_anything_is_correlated_unless_it_is_meant() {
     let folder = tempfile::tempdir().unwrap();
     let base = text(made().join("case.toml")).replace("\"images/", &format!("\"{}/images/", made().display()));

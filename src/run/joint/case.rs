@@ -7,7 +7,6 @@ use crate::identify::{Case, first_order};
 use crate::io::case::CaseRigidMotion;
 use crate::io::images::{PagedFile, sha256};
 use crate::io::joint::{JointInput, read_joint};
-use crate::io::run_case::read_run_case;
 use crate::io::series::Frame;
 use crate::io::store::{STORE, Store};
 use crate::report::fit::read_bands;
@@ -15,6 +14,7 @@ use crate::report::identification::OtherRigidMotion;
 use crate::run::folder::read::{frames_that, write_file};
 use crate::run::folder::steps::Steps;
 use crate::run::folder::{CORRELATION, RIGID_MOTION, RunFolder, correlation_in};
+use crate::run::joint::strips::case_with_strips;
 use crate::run::joint::{FIT, identify, simulate};
 use crate::run::look::page::page;
 use crate::run::plan::rehearsal::rehearse;
@@ -66,16 +66,17 @@ impl CaseRun {
 /// See [`crate::run::RunError`]. Frames and a fit that do not converge, and a model that the data reject, are results.
 pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Result<Outcome> {
     let CaseRun { case: file, output, overwrite, device, gpu, stop, .. } = asked;
-    let mut case = read_run_case(file)?;
+    let request = Request { device: device.clone(), gpu: gpu.clone(), ..Request::default() };
+    let (mut case, found) = case_with_strips(file, &request)?;
     if let Some(fit) = &mut case.joint.fit {
         fit.max_seconds = asked.max_seconds.or(fit.max_seconds);
         fit.max_evaluations = asked.max_evaluations.or(fit.max_evaluations);
     }
     // Not after hours of correlation.
     Case::check(&case)?;
+    found.iter().for_each(|found| watcher(Event::Note(found)));
     case.notes.iter().for_each(|note| watcher(Event::Remark(&zones_matched(note))));
-    let asked = Request { device: device.clone(), gpu: gpu.clone(), ..Request::default() };
-    let mut plan = Plan::of(&asked, &case.correlation)?;
+    let mut plan = Plan::of(&request, &case.correlation)?;
     // That of the whole run says the same and more.
     plan.report = false;
     // The faces of the joint carry what is looked for, and the rest of the border is prescribed to the mechanics.

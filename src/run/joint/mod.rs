@@ -4,6 +4,7 @@ pub(crate) mod case;
 pub(crate) mod identification;
 pub(crate) mod several;
 pub(crate) mod simulation;
+mod strips;
 pub(crate) mod tournament;
 pub(crate) mod virtual_joint;
 

@@ -7,6 +7,7 @@ mod interpolation;
 mod mean;
 mod odd;
 mod specimen;
+mod strips;
 
 pub use blank::{Blank, FlatBlocks};
 pub use depth::{GreyDepth, Saturation};
@@ -15,3 +16,4 @@ pub use interpolation::Interpolation;
 pub use mean::{Mean, small_shift};
 pub use odd::OddLevels;
 pub use specimen::{LeftOut, Specimen, SpecimenPart};
+pub use strips::{Strips, StripsError};

@@ -71,6 +71,23 @@ impl CaseDocument {
         Ok(self.case)
     }
 
+    /// What a correlation takes of it; sections for other commands are passed over.
+    ///
+    /// # Errors
+    /// Those of [`Self::parse`].
+    pub fn of_correlation(&self) -> Result<CaseFile, CaseError> {
+        self.part(Reader::Correlation)
+    }
+
+    /// The same with more text behind it.
+    ///
+    /// # Errors
+    /// Those of [`Self::parse`].
+    pub fn followed_by(&self, more: &str) -> Result<Self, CaseError> {
+        let (text, path) = self.text.parts();
+        Self::parse(&format!("{}\n{more}", text.trim_end()), path)
+    }
+
     /// The case with those of its sections alone that `reader` takes.
     ///
     /// # Errors

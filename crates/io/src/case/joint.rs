@@ -14,8 +14,9 @@ use std::fmt;
 #[serde(deny_unknown_fields)]
 pub struct CaseInterface {
     /// The two zones at the adhesive; the normal points from the first to the second. Of two zones one below the other
-    /// the first is the lower one.
-    #[serde(deserialize_with = "lower_upper")]
+    /// the first is the lower one. A case without `[[zone]]` has both found in the reference image: two strips with a
+    /// band without texture between them; of upright ones the first is at the left.
+    #[serde(default = "lower_and_upper", deserialize_with = "lower_upper")]
     pub zones: [String; 2],
     /// Pixels this close to the facing edges are left out, px, unless the zone has a `guard_px`.
     #[schemars(extend("default" = 3))]
@@ -23,6 +24,10 @@ pub struct CaseInterface {
     /// Thickness of the adhesive, mm. Default: the gap between the facing edges; a value that differs by more than 2 %
     /// is refused.
     pub thickness_mm: Option<f64>,
+}
+
+fn lower_and_upper() -> [String; 2] {
+    ["lower", "upper"].map(str::to_owned)
 }
 
 /// Nodes with a name, whose reaction is given.
