@@ -113,7 +113,7 @@ def test_a_camera_is_found_from_a_specimen_that_was_moved_as_by_the_program(move
 def test_images_that_determine_no_camera_are_refused_with_what_is_missing(moved, tmp_path):
     with pytest.raises(quadrille.CalibrationError, match="move the specimen"):
         quadrille.calibrate([moved[0].with_name("000000.tif"), moved[0]], tmp_path / "still", device="cpu")
-    with pytest.raises(quadrille.ImageError, match="(?i)chessboard|target"):
+    with pytest.raises(quadrille.ImageError, match="inner corners"):
         quadrille.calibrate(moved[:1], tmp_path / "board", chessboard=(9, 6), pitch_mm=5.0)
     with pytest.raises(quadrille.OptionError, match="pitch"):
         quadrille.calibrate(moved[:1], tmp_path / "board", chessboard=(9, 6))

@@ -410,7 +410,7 @@ fn the_program_writes_what_the_tournament_found() {
     assert!(table.contains("law,mode,point,jump_mm,traction_MPa,std_MPa,low95_MPa,high95_MPa"));
     // Four curves (three laws and the average) in two modes at 101 points.
     assert_eq!(table.lines().filter(|line| line.starts_with(|c: char| c.is_ascii_digit())).count(), 4 * 2 * 101);
-    let page = std::fs::read_to_string(out.join("tournament.html")).unwrap();
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
     assert!(page.contains("Law against law") && page.contains("bilinear-power in sliding"));
     assert!(out.join("figures/tournament-opening.png").exists() && out.join("figures/tournament-sliding.svg").exists());
     assert_eq!(run(&["bilinear-power,smith-ferrante"]).status.code(), Some(2), "another run is there");

@@ -143,8 +143,18 @@ fn brief(spec: &str, arg: &Arg) -> String {
     let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
     let (sentence, room) = (first_sentence(&help), WIDTH - TEXT_AT);
     let clause = sentence.find([',', ';', ':', '(']).filter(|_| sentence.chars().count() > room);
-    let words: String = sentence[..clause.unwrap_or(sentence.len())].trim_end().chars().take(room).collect();
+    let words = fitted(sentence[..clause.unwrap_or(sentence.len())].trim_end(), room);
     format!("{:TEXT_AT$}{words}", format!("  {spec}"))
+}
+
+/// As many of the words as there is room for, and a sign that there are more.
+fn fitted(text: &str, room: usize) -> String {
+    if text.chars().count() <= room {
+        return text.to_owned();
+    }
+    let begin: String = text.chars().take(room - 3).collect();
+    let whole = begin.rsplit_once(' ').map_or(&*begin, |(whole, _)| whole);
+    format!("{whole} ...")
 }
 
 /// The first sentence, without its point; one in brackets or after a colon belongs to it.

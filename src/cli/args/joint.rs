@@ -96,7 +96,7 @@ pub struct SimulateArgs {
     Several laws on the same data:\n    \
     quadrille identify joint.toml --tournament xu-needleman,bilinear-power --output out/laws\n\n\
     A fit writes fit.json, tables and figures; a sweep writes sweep.json, sweep.csv and figures; a tournament writes\n\
-    tournament.json, tournament-tractions.csv, tournament.html and figures.\n\n\
+    tournament.json, tournament-tractions.csv, report.html and figures.\n\n\
     Exit status: 0 all fits converged, and the data leave a law; 1 one did not, the best point so far is kept; or the\n\
     data reject all laws; 2 it could not run; 130 Ctrl-C or SIGTERM, the best point so far is kept.")]
 pub struct IdentifyArgs {

@@ -13,6 +13,6 @@ pub(crate) use kept::Kept;
 pub(crate) use lock::Lock;
 pub(crate) use restart::{Earlier, FrameRecord};
 pub(crate) use run_folder::{
-    About, CORRELATION, FIGURES, FORCE, J_INTEGRAL, RIGID_MOTION, RunFolder, TOURNAMENT, TOURNAMENT_PAGE,
-    TOURNAMENT_TRACTIONS, correlation_in, csv_name, frame_in_words, locks_in, vtu_name,
+    About, CORRELATION, FIGURES, FORCE, J_INTEGRAL, RIGID_MOTION, RunFolder, TOURNAMENT, TOURNAMENT_TRACTIONS,
+    correlation_in, csv_name, frame_in_words, locks_in, vtu_name,
 };

@@ -19,7 +19,6 @@ const FITS: [&str; 3] = ["fit.json", "sweep.json", TOURNAMENT];
 /// What a comparison of laws came to.
 pub(crate) const TOURNAMENT: &str = "tournament.json";
 /// Its page, and its table of tractions.
-pub(crate) const TOURNAMENT_PAGE: &str = "tournament.html";
 pub(crate) const TOURNAMENT_TRACTIONS: &str = "tournament-tractions.csv";
 /// The load cell beside the prediction.
 pub(crate) const FORCE: &str = "force.csv";
@@ -119,7 +118,7 @@ impl RunFolder {
     /// Removes the results of an earlier run (and nothing else), and makes the folders of this one.
     pub(crate) fn clear(&self, csv: bool, vtu: bool) -> Result<()> {
         // First: while it is there, the folder shows that a run was here.
-        let shown = [SERIES, INTERFACE_SERIES, Self::REPORT, Self::SUMMARY, TOURNAMENT_PAGE, TOURNAMENT_TRACTIONS];
+        let shown = [SERIES, INTERFACE_SERIES, Self::REPORT, Self::SUMMARY, TOURNAMENT_TRACTIONS];
         // Not every run writes these.
         for name in shown.into_iter().chain(FITS).chain([FORCE, J_INTEGRAL]) {
             remove(&self.0.join(name))?;
@@ -129,7 +128,7 @@ impl RunFolder {
         let numbered = [
             ("csv", &["csv"][..]),
             ("vtu", &["vtu"]),
-            (FIGURES, &["png", "svg"]),
+            (FIGURES, &["png", "svg", "txt"]),
             (Self::FRAMES, &["json"]),
             (Self::CHAIN, &["npz"]),
         ];

@@ -5,7 +5,7 @@ use crate::io::joint::JointInput;
 use crate::remark::Remark;
 use crate::report::Picture;
 use crate::report::tournament::{TournamentRecord, TournamentReport};
-use crate::run::folder::{FIGURES, RunFolder, TOURNAMENT, TOURNAMENT_PAGE, TOURNAMENT_TRACTIONS};
+use crate::run::folder::{FIGURES, RunFolder, TOURNAMENT, TOURNAMENT_TRACTIONS};
 use crate::run::plan::{Outcome, Stop};
 use crate::run::words::{Event, Heard, Result, Watcher, absolute};
 use rayon::ThreadPool;
@@ -54,7 +54,7 @@ pub(crate) fn compare_in(
     folder.write(TOURNAMENT_TRACTIONS, |out| report.write_tractions(out))?;
     report.draw(|name: String, picture: Picture| folder.save_figure(&name, &picture))?;
     let page = report.page()?.html();
-    folder.write(TOURNAMENT_PAGE, |out| std::io::Write::write_all(out, page.as_bytes()))?;
+    folder.write(RunFolder::REPORT, |out| std::io::Write::write_all(out, page.as_bytes()))?;
     watcher(Event::Compared { tournament: &report.record, folder: folder.path() });
     let converged = found.laws.iter().all(crate::identify::LawFit::converged);
     let outcome = match (stop.is_asked(), converged && !found.alike.is_empty()) {
