@@ -3,7 +3,7 @@
 use super::letters::Type;
 use super::look::Look;
 use super::scale::Tick;
-use super::scene::{Anchor, BLACK, Rect, Rgb, SOFT, Scene};
+use super::scene::{Anchor, BLACK, Rect, Rgb, SOFT, Scene, WARNING};
 
 /// Free border of a picture.
 pub(super) const BORDER: i32 = 16;
@@ -159,6 +159,13 @@ impl Lines {
     /// A note in small letters.
     pub fn note(&mut self, letters: &Letters, text: &str, width: i32, colour: Rgb) {
         self.0.extend(letters.small.wrap(text, f64::from(width)).into_iter().map(|line| (line, false, colour)));
+    }
+
+    /// Warnings, where they are drawn.
+    pub fn warnings(&mut self, letters: &Letters, warnings: &[String], width: i32) {
+        if letters.look.has_warnings() {
+            warnings.iter().for_each(|warning| self.note(letters, warning, width, WARNING));
+        }
     }
 
     /// Notes in small, soft letters.

@@ -3,7 +3,7 @@
 use crate::field::UnknownChoice;
 use std::fmt;
 use std::str::FromStr;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// What figures are made for. Letters and lines have one size on the sheet; what changes is the sheet: a figure for a
 /// column is drawn on a small one and shown larger.
@@ -13,7 +13,7 @@ pub enum Look {
     /// With title and notes, at 100 % of a screen.
     #[default]
     Screen,
-    /// For print: about 84 mm wide (one column), letters of 8 pt, no title, no notes (warnings stay).
+    /// For print: about 84 mm wide (one column), letters of 8 pt, no title, no notes; warnings stand in a text beside it.
     Paper,
     /// For a slide: letters that are read from the last row, a title, no notes (warnings stay).
     Slide,
@@ -31,6 +31,8 @@ const MM_PER_PT: f64 = 25.4 / 72.0;
 
 /// That of this process.
 static CHOSEN: AtomicUsize = AtomicUsize::new(0);
+/// Whether warnings are drawn, where the look has them.
+static WARNS: AtomicBool = AtomicBool::new(true);
 
 impl Look {
     /// All there are.
@@ -50,6 +52,11 @@ impl Look {
     pub fn choose(self) {
         let place = Self::ALL.iter().position(|&look| look == self).unwrap_or(0);
         CHOSEN.store(place, Ordering::Relaxed);
+    }
+
+    /// Puts the warnings of all figures of this process into a text beside each, whatever it is for.
+    pub fn choose_without_warnings() {
+        WARNS.store(false, Ordering::Relaxed);
     }
 
     /// The one chosen.
@@ -99,6 +106,11 @@ impl Look {
     /// Whether the title is drawn.
     pub(super) fn has_title(self) -> bool {
         self != Look::Paper
+    }
+
+    /// Whether warnings are drawn: nobody prints them.
+    pub(super) fn has_warnings(self) -> bool {
+        self != Look::Paper && WARNS.load(Ordering::Relaxed)
     }
 
     /// Whether the notes are drawn.

@@ -1,6 +1,7 @@
 //! A field in colours over the reference image, with axes and a colour bar.
 
-use super::over_image::{Bar, FigureLayout, View, Words};
+use super::bar::Bar;
+use super::over_image::{FigureLayout, View, Words};
 use super::scale::{LARGEST, Palette, Range};
 use super::scene::{BLACK, Path, Scene, Stroke, WHITE};
 use super::{Backdrop, Picture, ReportError};

@@ -3,6 +3,8 @@
 mod animation;
 mod axes;
 mod backdrop;
+mod bar;
+mod cells;
 pub mod correlation;
 mod crack;
 mod edges;
@@ -34,6 +36,7 @@ mod words;
 
 pub use animation::{Animated, Animation, Moved};
 pub use backdrop::Backdrop;
+pub use cells::Cells;
 pub use crack::{CrackFrameSummary, CrackSummary, CrackTipSummary, crack_figures};
 pub use figure::{Figure, FigureOptions, Format};
 pub use figures::{draw_figure, draw_frame, ends_of};

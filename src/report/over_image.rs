@@ -2,16 +2,13 @@
 
 use super::Picture;
 use super::axes::{BORDER, GAP, Letters, Lines, Side, SideAxis};
-use super::backdrop::{Backdrop, LONGER_SIDE, png};
+use super::backdrop::{Backdrop, LONGER_SIDE};
+use super::bar::{BAR_WIDTH, Bar, TIP};
 use super::raster::Layer;
-use super::scale::{Palette, Range, ticks};
-use super::scene::{Anchor, BLACK, Path, Rect, Rgb, Scene, Stroke, WARNING};
+use super::scale::{Range, ticks};
+use super::scene::{Anchor, BLACK, Rect, Scene};
 use crate::units::PixelSize;
-use image::ExtendedColorType;
 
-const BAR_WIDTH: i32 = 20;
-/// Tips of the bar where values lie beyond its range.
-const TIP: i32 = 10;
 /// Narrower than this, a title would stand in too many lines.
 const LEAST_WIDTH: i32 = 440;
 
@@ -53,20 +50,6 @@ impl View {
         let [x0, y0, x1, y1] = self.0;
         [x1 - x0, y1 - y0]
     }
-}
-
-/// What the colour bar shows.
-#[derive(Debug, Clone)]
-pub(super) struct Bar {
-    pub range: Range,
-    pub palette: Palette,
-    pub opacity: f64,
-    /// Whether there are values below the range.
-    pub below: bool,
-    /// Whether there are values above the range.
-    pub above: bool,
-    /// Quantity and unit.
-    pub label: String,
 }
 
 /// What stands around the map.
@@ -140,7 +123,7 @@ impl<'a> FigureLayout<'a> {
 
         let place = bar.map(|bar| {
             let length = if flat { map_width } else { map_height };
-            let axis = bar_axis(&letters, bar, length, flat);
+            let axis = bar.axis(&letters, length, flat);
             let overhang = axis.overhang(&letters, length).max(TIP + 2);
             if flat {
                 let down = below + 2 * GAP;
@@ -161,7 +144,7 @@ impl<'a> FigureLayout<'a> {
         let inner = width - 2 * BORDER;
         let (mut head, mut foot) = (Lines::default(), Lines::default());
         head.title(&letters, words.title, inner);
-        words.warnings.iter().for_each(|warning| head.note(&letters, warning, inner, WARNING));
+        head.warnings(&letters, &words.warnings, inner);
         foot.notes(&letters, &words.notes, inner);
         let lines = head.height(&letters);
         let head_height = if lines > 0 { lines + GAP } else { 0 };
@@ -198,14 +181,15 @@ impl<'a> FigureLayout<'a> {
         let letters = &self.letters;
         self.sides.iter().for_each(|axis| axis.draw(&mut scene, letters, self.map));
         if let Some((bar, rect, axis)) = &self.bar {
-            self.draw_bar(&mut scene, bar, *rect);
+            bar.draw(&mut scene, *rect, self.backdrop.mean());
             axis.draw(&mut scene, letters, *rect);
         }
         self.head.draw(&mut scene, letters, Anchor::Middle, f64::from(self.size[0]) / 2.0, BORDER);
         self.foot.draw(&mut scene, letters, Anchor::Start, f64::from(BORDER), self.foot_top);
         let bar = self.bar.as_ref().map(|bar| bar.1);
         let words = (self.words.title, &*self.words.notes);
-        scene.finish(words, self.backdrop.look(), self.map, bar, self.backdrop.ratio())
+        let picture = scene.finish(words, self.backdrop.look(), self.map, bar, self.backdrop.ratio());
+        picture.with_warnings(self.words.warnings.clone(), self.backdrop.look())
     }
 
     /// Where a point of the image (px) stands on the sheet.
@@ -241,65 +225,6 @@ impl<'a> FigureLayout<'a> {
         let Rect { x, y, width, height } = self.map;
         scene.image([x, y, width, height].map(f64::from), &layer.png(), opacity);
     }
-
-    /// The bar, over the mean grey of the image, so that its colours are those of the map.
-    fn draw_bar(&self, scene: &mut Scene, bar: &Bar, rect: Rect) {
-        let Rect { x, y, width, height } = rect;
-        let flat = width > height;
-        let length = width.max(height) as u32;
-        // The ends of the bar have the colours of the ends of the range, exactly.
-        let part = |step: u32| f64::from(step) / f64::from((length - 1).max(1));
-        let step = |k: u32| if flat { k } else { length - 1 - k };
-        let colours: Vec<u8> = (0..length).flat_map(|k| bar.palette.colour(part(step(k)))).collect();
-        let size = if flat { [length, 1] } else { [1, length] };
-        let grey: Rgb = [self.backdrop.mean(); 3];
-        scene.fill(rect, grey);
-        let strip = png(&colours, size[0], size[1], ExtendedColorType::Rgb8);
-        scene.image([x, y, width, height].map(f64::from), &strip, bar.opacity);
-        scene.frame(rect, BLACK);
-        for (there, end) in [(bar.below, 0.0), (bar.above, 1.0)] {
-            if there {
-                let tip = tip(rect, flat, end);
-                scene.area(&tip, grey, 1.0);
-                scene.area(&tip, bar.palette.colour(end), bar.opacity);
-                scene.stroke(&tip, &Stroke::new(BLACK, 1.0));
-            }
-        }
-    }
-}
-
-/// A triangle beyond an end of the bar.
-fn tip(rect: Rect, flat: bool, end: f64) -> Path {
-    let [x, y, width, height, tip] = [rect.x, rect.y, rect.width, rect.height, TIP].map(f64::from);
-    let low = end == 0.0;
-    let corners = if flat {
-        let from = if low { x - 0.5 } else { x + width + 0.5 };
-        let apex = if low { from - tip } else { from + tip };
-        [[from, y + 0.5], [from, y + height - 0.5], [apex, y + height / 2.0]]
-    } else {
-        let from = if low { y + height + 0.5 } else { y - 0.5 };
-        let apex = if low { from + tip } else { from - tip };
-        [[x + 0.5, from], [x + width - 0.5, from], [x + width / 2.0, apex]]
-    };
-    let mut path = Path::default();
-    path.polygon(corners);
-    path
-}
-
-fn bar_axis(letters: &Letters, bar: &Bar, length: i32, flat: bool) -> SideAxis {
-    let across = |text: &str| letters.small.width(text);
-    let upright = |_: &str| f64::from(letters.small.digit());
-    let ticks = if flat {
-        ticks(bar.range, f64::from(length), 0.0, 24.0, across)
-    } else {
-        ticks(bar.range, f64::from(length), 0.0, 36.0, upright)
-    };
-    let place = |value: f64| {
-        let along = bar.range.fraction(value) * f64::from(length);
-        if flat { along } else { f64::from(length) - along - 1e-6 }
-    };
-    let side = if flat { Side::Bottom } else { Side::Right };
-    SideAxis::new(side, &ticks, place, &bar.label).titled(letters, &bar.label, length)
 }
 
 /// Axes in px at the left and below, in mm at the right and above.

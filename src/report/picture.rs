@@ -1,6 +1,6 @@
 //! A finished picture.
 
-use super::ReportError;
+use super::{Look, ReportError};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use resvg::{tiny_skia, usvg};
@@ -44,6 +44,8 @@ pub struct Picture {
     ratio: u32,
     map: Area,
     bar: Option<Area>,
+    /// Warnings that are not drawn.
+    beside: Vec<String>,
     /// Red, green, blue of each pixel, once they were asked for.
     rgb: OnceLock<Vec<u8>>,
 }
@@ -65,12 +67,22 @@ impl fmt::Debug for Picture {
 
 impl Picture {
     pub(super) fn new(svg: String, size: [u32; 2], map: Area, bar: Option<Area>, ratio: u32) -> Self {
-        Self { svg, size, ratio: ratio.clamp(1, LARGEST_RATIO), map, bar, rgb: OnceLock::new() }
+        Self { svg, size, ratio: ratio.clamp(1, LARGEST_RATIO), map, bar, beside: Vec::new(), rgb: OnceLock::new() }
+    }
+
+    /// The same picture with what `look` does not draw of its warnings.
+    pub(super) fn with_warnings(self, warnings: Vec<String>, look: Look) -> Self {
+        Self { beside: if look.has_warnings() { Vec::new() } else { warnings }, ..self }
+    }
+
+    /// Warnings that belong to it and are not drawn.
+    pub fn warnings_beside(&self) -> &[String] {
+        &self.beside
     }
 
     /// The same picture with `ratio` (1 to 4) pixels per unit of the SVG: for print.
     pub fn with_ratio(self, ratio: u32) -> Self {
-        Self::new(self.svg, self.size, self.map, self.bar, ratio)
+        Self { beside: self.beside, ..Self::new(self.svg, self.size, self.map, self.bar, ratio) }
     }
 
     /// Size of the sheet that it was drawn on, units.
@@ -133,7 +145,8 @@ impl Picture {
             .map_err(ReportError::Encode)
     }
 
-    /// Writes the picture as a file; the ending of its name, `.png` or `.svg`, says what as.
+    /// Writes the picture as a file; the ending of its name, `.png` or `.svg`, says what as. Warnings that are not drawn
+    /// stand in `NAME.warnings.txt` beside it.
     ///
     /// # Errors
     /// Another ending; the file cannot be made or written.
@@ -156,7 +169,13 @@ impl Picture {
                 file.write_all(self.svg.as_bytes()).map_err(failed)?
             }
             file.flush().map_err(failed)?;
-            std::fs::rename(unfinished, path).map_err(failed)
+            std::fs::rename(unfinished, path).map_err(failed)?;
+            let beside = path.with_extension("warnings.txt");
+            match self.beside.is_empty() {
+                false => std::fs::write(beside, self.beside.join("\n") + "\n").map_err(failed),
+                true if beside.exists() => std::fs::remove_file(beside).map_err(failed),
+                true => Ok(()),
+            }
         };
         write().inspect_err(|_| {
             // What is left of it helps nobody.

@@ -1,8 +1,10 @@
 //! Curves: several series over one pair of axes.
 
 use super::axes::{BORDER, GAP, Letters, Lines, Side, SideAxis};
+use super::bar::BAR_WIDTH;
+use super::cells::Cells;
 use super::scale::{LARGEST, Range, Tick, log_ticks, ticks};
-use super::scene::{Anchor, BLACK, COLOURS, Path, Rect, Rgb, Scene, Stroke, WARNING, WHITE};
+use super::scene::{Anchor, BLACK, COLOURS, Path, Rect, Rgb, Scene, Stroke, WHITE};
 use super::{Look, Picture, ReportError};
 
 /// Size of the rectangle between the axes.
@@ -44,6 +46,8 @@ pub struct Plot {
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
+    /// Numbers as colours, behind the curves.
+    pub cells: Option<Cells>,
     /// The curves, drawn in this order.
     pub series: Vec<PlotSeries>,
     /// Lines of text below the picture: what a caption says where figures are for print or a slide.
@@ -295,24 +299,31 @@ impl Plot {
         let hidden = all - points().count();
 
         let reach = points().flat_map(|(s, at)| s.edges(at).into_iter().chain([s.y[at]]));
-        let x = Scale::new(&self.x, points().map(|(s, at)| s.x[at]), [0.0, f64::from(width)])?;
-        let y = Scale::new(&self.y, reach.filter(|&v| self.y.can_show(v)), [f64::from(height), 0.0])?;
+        // Cells reach to the ends of the axes.
+        let fill = |axis: &Axis, places: Option<&Vec<f64>>| match places.map(|places| Cells::edges(places)).as_deref() {
+            Some([first, .., last]) if axis.range.is_none() => axis.clone().with_range(*first, *last),
+            _ => axis.clone(),
+        };
+        let of_cells =
+            [fill(&self.x, self.cells.as_ref().map(|c| &c.x)), fill(&self.y, self.cells.as_ref().map(|c| &c.y))];
+        let x = Scale::new(&of_cells[0], points().map(|(s, at)| s.x[at]), [0.0, f64::from(width)])?;
+        let y = Scale::new(&of_cells[1], reach.filter(|&v| self.y.can_show(v)), [f64::from(height), 0.0])?;
+        let bar = self.cells.as_ref().and_then(Cells::bar);
 
         let letters = Letters::new(look);
         let inner = width + 90.min(width / 8);
-        let mut head = Lines::default();
-        head.title(&letters, &self.title, inner);
-        self.warnings.iter().for_each(|warning| head.note(&letters, warning, inner, WARNING));
-        let mut foot = Lines::default();
-        foot.notes(&letters, &self.notes, inner);
+        let mut warnings = self.warnings.clone();
         if hidden > 0 {
             let points = if hidden == 1 { "1 point" } else { &format!("{hidden} points") };
-            let note = format!("{points} at or below zero cannot be shown on a logarithmic axis");
-            foot.note(&letters, &note, inner, WARNING);
+            warnings.push(format!("{points} at or below zero cannot be shown on a logarithmic axis"));
         }
-        if points().next().is_none() {
-            head.note(&letters, "no value to show", inner, WARNING);
+        if points().next().is_none() && bar.is_none() {
+            warnings.push("no value to show".to_owned());
         }
+        let (mut head, mut foot) = (Lines::default(), Lines::default());
+        head.title(&letters, &self.title, inner);
+        head.warnings(&letters, &warnings, inner);
+        foot.notes(&letters, &self.notes, inner);
         let legend = Legend::new(&letters, &self.series, inner);
 
         let across = |text: &str| letters.small.width(text);
@@ -329,7 +340,9 @@ impl Plot {
         let left = axis(Side::Left, &y, &self.y.label, height + 40, 14.0, &upright);
 
         let beside = bottom.overhang(&letters, width);
-        let margin = [left.thickness(&letters).max(beside), beside.max(24)];
+        let bar = self.cells.as_ref().zip(bar).map(|(cells, bar)| (cells, bar.axis(&letters, height, false), bar));
+        let of_bar = bar.as_ref().map_or(0, |(_, axis, _)| 2 * GAP + BAR_WIDTH + axis.thickness(&letters));
+        let margin = [left.thickness(&letters).max(beside), of_bar.max(beside.max(24))];
         let over = left.overhang(&letters, height);
         let gap = |part: i32| if part > 0 { part + GAP } else { 0 };
         let top = BORDER + gap(head.height(&letters)) + gap(legend.height) + over;
@@ -346,6 +359,15 @@ impl Plot {
 
         if let (Some(x), Some(y)) = (&x, &y) {
             grid(&mut scene, rect, &bottom, &left);
+            if let Some((cells, axis, bar)) = &bar {
+                let size = [rect.width as u32, rect.height as u32];
+                let ends = [x, y].map(|scale| [scale.range.low, scale.range.high]);
+                let at = [rect.x, rect.y, rect.width, rect.height].map(f64::from);
+                scene.image(at, &cells.png(bar, ends, size), 1.0);
+                let beside = Rect { x: rect.right() + 2 * GAP, width: BAR_WIDTH, ..rect };
+                bar.draw(&mut scene, beside, 255);
+                axis.draw(&mut scene, &letters, beside);
+            }
             scene.clip(rect);
             let place = |a: f64, b: f64| [f64::from(rect.x) + x.at(a), f64::from(rect.y) + y.at(b)];
             let drawn = || {
@@ -363,7 +385,7 @@ impl Plot {
         scene.frame(rect, BLACK);
         bottom.draw(&mut scene, &letters, rect);
         left.draw(&mut scene, &letters, rect);
-        Ok(scene.finish((&self.title, &self.notes), look, rect, None, 1))
+        Ok(scene.finish((&self.title, &self.notes), look, rect, None, 1).with_warnings(warnings, look))
     }
 }
 

@@ -38,7 +38,7 @@ impl Layer {
 
     /// The same with the colours of values at the corners.
     pub fn fill_values(&mut self, corners: [[f64; 2]; 4], values: [f64; 4], palette: Palette, range: Range) {
-        self.fill(corners, |shape| palette.colour(range.fraction(shape.iter().zip(values).map(|(n, v)| n * v).sum())));
+        self.fill(corners, |shape| range.colour(palette, shape.iter().zip(values).map(|(n, v)| n * v).sum()));
     }
 
     /// Colours pixels of the element, by their column and row and the shape functions there.

@@ -82,6 +82,12 @@ impl Range {
         Self { low: -reach, high: reach }
     }
 
+    /// The colour of `value`: of a palette with a middle that stands for zero, wherever zero lies in the range.
+    pub fn colour(self, palette: Palette, value: f64) -> Rgb {
+        let reach = self.low.abs().max(self.high.abs());
+        palette.colour(if palette.is_diverging() { 0.5 + 0.5 * value / reach } else { self.fraction(value) })
+    }
+
     /// Where `value` lies: 0 at the lower end, 1 at the upper.
     pub fn fraction(self, value: f64) -> f64 {
         (value - self.low) / (self.high - self.low)

@@ -1020,6 +1020,7 @@ fn figures_for_a_column_are_84_mm_wide_and_keep_what_is_no_matter_of_the_caption
         series: series.into(),
         notes: vec![note.into()],
         warnings: vec!["not converged: iteration limit reached".into()],
+        ..Plot::default()
     };
     let sheet = |picture: &Picture, ratio: u32| (picture.width() / ratio) as i32;
     for (name, screen, column, slide) in [
@@ -1038,12 +1039,18 @@ fn figures_for_a_column_are_84_mm_wide_and_keep_what_is_no_matter_of_the_caption
         assert!(drawn(&screen, note) && !drawn(&slide, note) && !drawn(&column, note), "{name}");
         let kept = format!("<desc>{note}</desc>");
         assert!(column.svg().contains(&kept) && slide.svg().contains(&kept) && !screen.svg().contains(&kept), "{name}");
-        // What must not be overlooked is no matter of the caption.
+        // What must not be overlooked is no matter of the caption; nobody prints it.
         let of_map = ["hatched: the residual is beyond noise", "left out: 1 "];
         for told in [&["not converged"][..], if name == "map" { &of_map } else { &[] }].concat() {
-            for (look, picture) in [("screen", &screen), ("column", &column), ("slide", &slide)] {
+            for (look, picture) in [("screen", &screen), ("slide", &slide)] {
                 assert!(warns(picture) && drawn(picture, told), "{name}, {look}: '{told}' is not drawn");
+                assert!(picture.warnings_beside().is_empty(), "{name}, {look}");
             }
+            assert!(!warns(&column) && !drawn(&column, told), "{name}: '{told}' is drawn");
+            let file = folder().join(format!("column-{name}.svg"));
+            column.save(&file).unwrap();
+            let beside = std::fs::read_to_string(file.with_extension("warnings.txt")).unwrap();
+            assert!(beside.lines().any(|line| line.contains(told)), "{name}: '{told}' in {beside}");
         }
     }
 }

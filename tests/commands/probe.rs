@@ -4,6 +4,7 @@
 
 use crate::program;
 use program::{Desk, INSIDE};
+use quadrille::report::Palette;
 use quadrille::synth::{Depth, RenderOptions, Texture, Translation, render};
 use std::collections::BTreeMap;
 
@@ -314,6 +315,29 @@ fn curves_are_drawn_against_the_load_or_the_frame() {
 }
 
 #[test]
+fn what_lies_along_a_line_is_drawn_over_the_frames_or_their_times() {
+    let desk = Desk::with_series();
+    desk.correlate(&format!("{INSIDE} --output out ref.png a.png b.png c.png")).fine();
+    for (against, label, times) in [("frame", "frame", ""), ("time_s", "time (s)", "--frame-interval 0.5")] {
+        desk.run(&format!("probe out --line 40,48,80,48 {times} --curves --output {against}")).fine();
+        let files = desk.files(&format!("{against}/curves"));
+        assert!(files.contains(&format!("line1-exx-against-{against}.png")), "{files:?}");
+        let map = desk.read(&format!("{against}/curves/line1-ux_px-against-{against}.svg"));
+        for words in ["ux (px)", "along the line (px)", label] {
+            assert!(map.contains(&format!("aria-label=\"{words}\"")), "no '{words}'");
+        }
+    }
+    // Moved by a quarter of a pixel from frame to frame: three columns, each of one colour but for noise.
+    let picture = image::open(desk.path("frame/curves/line1-ux_px-against-frame.png")).unwrap().into_rgb8();
+    let (y, n) = (picture.height() / 2, picture.width());
+    let colours: Vec<_> = (0..n).map(|x| *picture.get_pixel(x, y)).collect();
+    let [low, high] = [0.0, 1.0].map(|t| Palette::Viridis.colour(t));
+    let is = |wanted: [u8; 3]| move |c: &image::Rgb<u8>| c.0.iter().zip(wanted).all(|(a, b)| a.abs_diff(b) < 40);
+    let [first, last] = [low, high].map(|wanted| colours.iter().position(is(wanted)).unwrap());
+    assert!(first + 100 < last, "{first} {last}");
+}
+
+#[test]
 fn a_record_at_another_rate_is_joined_by_time_and_gives_a_stress() {
     let desk = Desk::with_series();
     desk.correlate(&format!("{INSIDE} --output out ref.png a.png b.png c.png")).fine();
@@ -335,6 +359,17 @@ fn a_record_at_another_rate_is_joined_by_time_and_gives_a_stress() {
     }
     assert_eq!((rows[2]["Force_N"].as_str(), rows[2]["stress_MPa"].as_str()), ("", ""), "nothing is extrapolated");
     assert_eq!(number(&rows[2], "Time_s"), 0.75);
+    // Width by thickness is an area; the true stress is that over the section that is left.
+    let drawn = "probe out --extensometer 30,40,90,40 --load machine.txt --load-time time --frame-interval 0.25";
+    desk.run(&format!("{drawn} --area 10x5 --curves")).fine();
+    for row in &table(&desk, "out/quantities/extensometers.csv")[..2] {
+        let (stress, strain) = (number(row, "stress_MPa"), number(row, "strain_engineering"));
+        assert!((number(row, "stress_true_MPa") / (stress * (1.0 + strain)) - 1.0).abs() < 1e-12, "{row:?}");
+        let sigma = stress * number(row, "sigma_strain_engineering");
+        assert!((number(row, "sigma_stress_true_MPa") / sigma - 1.0).abs() < 1e-12 && sigma > 0.0, "{row:?}");
+    }
+    assert!(desk.files("out/curves").contains(&"extensometer1-stress_true_MPa-against-strain_true.svg".to_owned()));
+    desk.run(&format!("{drawn} --area 10x5x2")).refused(&["width by thickness in mm as 12.5x3"]);
     // The same from the camera's own times, and by a case file.
     desk.write("camera.txt", "file,time [ms]\nref.png,0\na.png,250\nb.png,500\nc.png,600\n");
     desk.run(&format!("{probe} --frame-times camera.txt")).fine();
@@ -376,6 +411,12 @@ fn strains_over_a_window_stand_beside_the_others_at_points() {
         assert!((found - want).abs() < 1e-6 * want.abs().max(1e-4), "{column}: {found}, {want}");
     }
     assert!(number(&rows[0], "sigma_exx_window") < number(&rows[0], "sigma_exx"));
+    for over in ["", "_window"] {
+        let value = |name: &str| number(&rows[0], &format!("{name}{over}"));
+        assert!((value("e1") + value("e2") - value("exx") - value("eyy")).abs() < 1e-12, "{over}");
+        assert!(value("sigma_e1") > 0.0 && value("sigma_shear_max") > 0.0, "{over}");
+    }
+    assert!(number(&rows[0], "sigma_e1_window") < number(&rows[0], "sigma_e1"));
     let model = nodes.iter().find(|row| row.px.position == [48.0, 48.0]).unwrap().window_model_error.unwrap();
     assert!((number(&rows[0], "model_error_eyy_window") - model[1]).abs() < 1e-6 * model[1].max(1e-4));
     assert!(desk.read("out/quantities/points.csv").contains("virtual strain gauge"));

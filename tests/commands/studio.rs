@@ -456,7 +456,7 @@ fn the_whole_way_from_a_folder_to_results_in_a_browser() {
         let table = desk.read("out/quantities/extensometers.csv");
         let mut lines = table.lines().filter(|line| !line.starts_with('#'));
         let names: Vec<&str> = lines.next().unwrap().split(',').collect();
-        let cells: Vec<&str> = lines.last().unwrap().split(',').collect();
+        let cells: Vec<&str> = lines.next_back().unwrap().split(',').collect();
         for (c, name) in [(0, "elongation_mm"), (1, "sigma_elongation_px"), (2, "strain_engineering")] {
             let written: f64 = cells[names.iter().position(|of| *of == name).unwrap()].parse().unwrap();
             let shown = said["last"]["values"][0][c].as_f64().unwrap();

@@ -253,6 +253,11 @@ fn the_page_says_the_motion_of_the_images_under_mouse_finger_and_keys_and_hostil
         assert_eq!(said["crowded"], serde_json::json!([]), "{width} px");
         assert!(said["colours"].as_u64() > Some(50), "{said}");
     }
+    the_report_says_the_same(&desk, hostile);
+}
+
+/// The fields within the report of the same run.
+fn the_report_says_the_same(desk: &Desk, hostile: &str) {
     let page = desk.read("out/report.html");
     assert!(!page.contains("<b><img") && page.matches("<script>").count() == 1);
     for width in ["400", "1280"] {

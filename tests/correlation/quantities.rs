@@ -6,7 +6,8 @@ use common::*;
 use quadrille::correlate::Options;
 use quadrille::field::{
     Extensometer, Facing, Measurement, NodalNoise, PointFilter, PointValues, Quantities, QuantityError, Reading,
-    Region, RemoveRigid, Segment, Status, StrainDefinition, StrainField, Value, at_point, remove_rigid,
+    Region, RemoveRigid, Segment, Status, StrainDefinition, StrainField, StrainWindow, StrainWindows, Value, at_point,
+    remove_rigid,
 };
 use quadrille::io::load::{LoadTable, parse_load};
 use quadrille::io::quantities::{QuantityPlane, QuantityTables};
@@ -581,6 +582,7 @@ fn invariants_and_rotation_scatter_about_those_of_the_deformation_gradient_by_wh
         let correlator = prepared(&noisy(&rest, NOISE, 2 * seed), &zones, options);
         let field = solved(&correlator, &noisy(&pulled, NOISE, 2 * seed + 1));
         let noise = noise_of(&field);
+        let windows = StrainWindows::new(&field.mesh, StrainWindow::new(5).unwrap(), false);
         // Six elements apart noise has nothing in common.
         for at in (0..36).map(|k| [72.0 + 96.0 * f64::from(k % 6), 72.0 + 96.0 * f64::from(k / 6)]) {
             let there = at_point(&field, &noise, StrainDefinition::GreenLagrange, at).unwrap();
@@ -591,6 +593,11 @@ fn invariants_and_rotation_scatter_about_those_of_the_deformation_gradient_by_wh
             }
             let [x, y] = exact_at(&motion, &[at])[0];
             found.add_value("magnitude", there.magnitude, x.hypot(y));
+            let points = vec![("at".to_owned(), at)];
+            let over = Quantities { points, ..Quantities::default() }.draw(&field, &noise, Some(&windows)).points[0];
+            for ((name, value), exact) in names.into_iter().zip(over.unwrap().window_invariants.unwrap()).zip(exact) {
+                found.add_value(&format!("{name} over a window"), value, exact);
+            }
         }
     }
     found.assert_within(0.1);

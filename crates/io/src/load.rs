@@ -74,8 +74,7 @@ impl LoadTable {
     /// # Errors
     /// No such column or several, and one `stress_MPa` that is there.
     pub fn with_stress(mut self, area_mm2: f64, path: &Path) -> Result<Self, LoadError> {
-        let there = self.columns.iter().any(|column| column.name == STRESS);
-        let Some(force) = self.only_force().filter(|_| !there).cloned() else {
+        let Some(force) = self.only_force().filter(|_| self.stress().is_none()).cloned() else {
             let columns = self.columns.iter().map(|column| column.name.clone()).collect();
             return Err(LoadError::Force(path.to_owned(), columns));
         };
@@ -91,6 +90,11 @@ impl LoadTable {
         let is_time = |column: &&LoadColumn| column.name_and_unit().0.eq_ignore_ascii_case("time");
         let in_seconds = || self.columns.iter().filter(|column| column.name_and_unit().1 == "s");
         in_seconds().find(is_time).or_else(|| in_seconds().next().filter(|_| in_seconds().count() == 1))
+    }
+
+    /// The stresses that [`with_stress`](Self::with_stress) has added, or a column of that name.
+    pub fn stress(&self) -> Option<&LoadColumn> {
+        self.columns.iter().find(|column| column.name == STRESS)
     }
 
     /// The column in N; of several that named `load` or `force`.

@@ -5,13 +5,16 @@
     reason = "writes the tables of a run: its points, lines and cracks are counted by the case, and what was drawn of a frame has as many"
 )]
 
+mod lines;
 mod rates;
 mod still;
+
+pub use self::lines::LineHistory;
 
 use self::rates::{DEGREE, smooth};
 use self::still::{STILL, still_cells, still_remarks};
 use super::csv::{PX_COLUMNS, WINDOW_COLUMNS, WINDOW_MODEL_COLUMNS};
-use super::load::LoadTable;
+use super::load::{LoadColumn, LoadTable};
 use crate::camera::{CameraTerm, Rectifier, StillMotion};
 use crate::field::{
     CrackLine, CrackTip, Curve, ElementMark, Elongation, FrameQuantities, Jump, Measurement, NodalNoise, OPEN_BY_SIGMA,
@@ -56,6 +59,7 @@ pub struct QuantityTables<'a, W: Write> {
     bound: bool,
     n_references: usize,
     traces: Vec<Trace>,
+    lines: Vec<LineHistory>,
     cracks: Vec<CrackHistory>,
     /// Of the fields, by their numbers, how the still zones seem to move.
     still: Vec<(usize, Option<StillMotion>)>,
@@ -88,6 +92,10 @@ pub struct QuantitySummary {
     pub curves: Vec<Curve>,
     /// What has no value and where, and how the load file was read.
     pub remarks: Vec<Remark>,
+    /// The lines over the frames.
+    pub lines: Vec<LineHistory>,
+    /// The column of times of the load file, s.
+    pub times: Option<LoadColumn>,
     /// The cracks over the frames.
     pub cracks: Vec<CrackHistory>,
 }
@@ -138,7 +146,7 @@ struct Drawn {
 }
 
 /// Columns that the uncertainty of the camera has a column for, beside the [`INVARIANTS`].
-const OF_CAMERA: [&str; 14] = [
+const OF_CAMERA: [&str; 15] = [
     "ux_px",
     "uy_px",
     "exx",
@@ -151,6 +159,7 @@ const OF_CAMERA: [&str; 14] = [
     "elongation_px",
     "strain_engineering",
     "strain_true",
+    TRUE_STRESS[0],
     "opening_px",
     "sliding_px",
 ];
@@ -212,9 +221,22 @@ const INVARIANTS: [&str; 14] = [
     "rotation_deg",
     "sigma_rotation_deg",
 ];
+const WINDOW_INVARIANTS: [&str; 10] = [
+    "e1_window",
+    "sigma_e1_window",
+    "e2_window",
+    "sigma_e2_window",
+    "e1_direction_window_deg",
+    "sigma_e1_direction_window_deg",
+    "shear_max_window",
+    "sigma_shear_max_window",
+    "von_mises_window",
+    "sigma_von_mises_window",
+];
 
 fn is_of_camera(column: &str) -> bool {
-    OF_CAMERA.contains(&column) || (INVARIANTS.contains(&column) && !column.starts_with("sigma_"))
+    let follows = INVARIANTS.contains(&column) || WINDOW_INVARIANTS.contains(&column);
+    OF_CAMERA.contains(&column) || (follows && !column.starts_with("sigma_"))
 }
 
 const THICKNESS: [&str; 2] = ["ezz", "sigma_ezz"];
@@ -234,6 +256,7 @@ const VARIES: [&str; 11] = [
 ];
 const LENGTHS: [&str; 3] = ["length_px", "elongation_px", "sigma_elongation_px"];
 const STRETCH: [&str; 4] = ["strain_engineering", "sigma_strain_engineering", "strain_true", "sigma_strain_true"];
+const TRUE_STRESS: [&str; 2] = ["stress_true_MPa", "sigma_stress_true_MPa"];
 const JUMP: [&str; 4] = ["opening_px", "sigma_opening_px", "sliding_px", "sigma_sliding_px"];
 const TIP: [&str; 4] = ["along_px", "sigma_along_px", "x_px", "y_px"];
 const INTENSITY: [&str; 5] =
@@ -259,18 +282,22 @@ impl<'a, W: Write> QuantityTables<'a, W> {
     ) -> io::Result<Self> {
         let QuantityPlane { camera, pixel_size, pixel_size_std, n_references } = plane;
         let q = quantities;
-        let window = if q.window.is_some() { [&WINDOW_COLUMNS[..], &WINDOW_MODEL_COLUMNS].concat() } else { vec![] };
+        let window = match q.window {
+            Some(_) => [&WINDOW_COLUMNS[..], &WINDOW_MODEL_COLUMNS, &WINDOW_INVARIANTS].concat(),
+            None => vec![],
+        };
         let thickness = if q.poisson.is_some() { &THICKNESS[..] } else { &[] };
         let point = [&PX_COLUMNS[..], &MODEL, &STRAIN, &INVARIANTS, thickness, &window].concat();
         let region =
             [&["measured_percent"][..], &PX_COLUMNS, &MODEL, &STRAIN, &INVARIANTS, thickness, &VARIES].concat();
         let opening = [&["along_px", "x_px", "y_px", "gap_px", "normal_x", "normal_y"][..], &JUMP].concat();
         let crack = [&["along_px", "x_px", "y_px", "normal_x", "normal_y"][..], &JUMP].concat();
+        let stretch = [&LENGTHS[..], &STRETCH, if load.stress().is_some() { &TRUE_STRESS } else { &[] }].concat();
         let has_tip = q.cracks.iter().any(|(_, crack)| crack.joined().next().is_some());
         let wanted = [
             (!q.points.is_empty(), vec!["point"], point.clone()),
             (!q.lines.is_empty(), vec!["line"], [&["along_px"][..], &point].concat()),
-            (!q.extensometers.is_empty(), vec!["extensometer"], [&LENGTHS[..], &STRETCH].concat()),
+            (!q.extensometers.is_empty(), vec!["extensometer"], stretch),
             (!q.regions.is_empty(), vec!["region"], region),
             (!q.openings.is_empty(), vec!["opening", "part"], opening),
             (!q.openings.is_empty(), vec!["opening"], JUMP.to_vec()),
@@ -341,6 +368,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             bound: regularised,
             n_references: n_references.max(1),
             traces,
+            lines: LineHistory::of(q),
             cracks: q.cracks.iter().map(|(name, _)| CrackHistory { name: name.clone(), frames: Vec::new() }).collect(),
             still: Vec::new(),
             frames: Vec::new(),
@@ -392,6 +420,9 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             None => self.without_field.push(number),
         }
         self.keep_traces(drawn, still);
+        for (at, line) in self.lines.iter_mut().enumerate() {
+            line.take(number, at, drawn, self.quantities);
+        }
         self.still.extend(field.map(|_| (number, still)));
         for (k, history) in self.cracks.iter_mut().enumerate() {
             let Some(values) = drawn.map(|drawn| &drawn.cracks[k]) else { continue };
@@ -405,7 +436,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         for column in &self.load.columns {
             keys.push(column.at(number).map_or(String::new(), |value| format!("{value:?}")));
         }
-        self.write(&keys, whole, field.map(|field| &*field.mesh))?;
+        self.write(number, &keys, whole, field.map(|field| &*field.mesh))?;
         if let [.., Some(table)] = &mut self.tables {
             table.row(&keys, whole, |_| still_cells(still).to_vec())?;
         }
@@ -415,9 +446,16 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         Ok(whole.map(|drawn| drawn.values.clone()))
     }
 
-    fn write(&mut self, keys: &[String], drawn: Option<&Drawn>, mesh: Option<&Mesh<Px>>) -> io::Result<()> {
+    fn write(
+        &mut self,
+        number: usize,
+        keys: &[String],
+        drawn: Option<&Drawn>,
+        mesh: Option<&Mesh<Px>>,
+    ) -> io::Result<()> {
         let q = self.quantities;
         let with = |names: &[&str]| [keys, &names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>()].concat();
+        let stress = self.load.stress();
         let [points, lines, extensometers, regions, openings, means, rigid, cracks, tips, ..] = &mut self.tables;
         if let Some(table) = points {
             for (k, (name, at)) in q.points.iter().enumerate() {
@@ -441,8 +479,9 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                 let [from, to] = extensometer.ends();
                 table.row(&with(&[name]), drawn, |drawn| {
                     let read = drawn.and_then(|drawn| drawn.extensometers[k]);
-                    let of_it = Elongation::QUANTITIES.map(|(_, value)| pair(read.as_ref().map(value)));
-                    [Some(distance(to, from))].into_iter().chain(of_it.into_iter().flatten()).collect()
+                    let of_it = Elongation::QUANTITIES.iter().flat_map(|(_, value)| pair(read.as_ref().map(value)));
+                    let stress = stress.map(|stress| true_stress(stress.at(number), read));
+                    [Some(distance(to, from))].into_iter().chain(of_it).chain(stress.into_iter().flatten()).collect()
                 })?;
             }
         }
@@ -589,6 +628,16 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                 curves.extend(over(&column.name, column.reference, &|frame| column.at(frame)));
             }
         }
+        let true_strain = Elongation::QUANTITIES[2].0;
+        for trace in self.traces.iter().filter(|trace| trace.quantity == true_strain) {
+            let Some(stress) = self.load.stress() else { continue };
+            let at = |(&frame, strain): (&usize, &Option<Value>)| {
+                let stretch = (*strain)?.value.exp();
+                Some((stress.at(frame)? * stretch, *strain))
+            };
+            let points = self.frames.iter().zip(&trace.values).filter_map(at);
+            curves.extend(Curve::new(&trace.name, true_strain, TRUE_STRESS[0], points));
+        }
         let mut remarks = self.load.remarks.clone();
         if let Some(first) = self.without_field.first() {
             let n = self.without_field.len();
@@ -618,7 +667,8 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         if self.camera.is_some_and(Rectifier::has_still) {
             remarks.extend(still_remarks(&self.still));
         }
-        Ok(QuantitySummary { curves, remarks, cracks: self.cracks })
+        let times = self.load.times().cloned();
+        Ok(QuantitySummary { curves, remarks, lines: self.lines, times, cracks: self.cracks })
     }
 }
 
@@ -675,6 +725,12 @@ fn pair(value: Option<Value>) -> [Option<f64>; 2] {
     [value.map(|v| v.value), value.map(|v| v.sigma)]
 }
 
+/// The force over the cross-section that is left of it while the volume stays: `stress (1 + strain)`.
+fn true_stress(stress: Option<f64>, read: Option<Elongation>) -> [Option<f64>; 2] {
+    let both = stress.zip(read.map(|read| read.engineering));
+    pair(both.map(|(stress, e)| Value { value: stress * (1.0 + e.value), sigma: stress.abs() * e.sigma }))
+}
+
 fn jump_cells(jump: Option<Jump>) -> Vec<Option<f64>> {
     Jump::QUANTITIES.iter().flat_map(|(_, value)| pair(jump.as_ref().map(value))).collect()
 }
@@ -703,6 +759,7 @@ fn point_cells(at: Option<[f64; 2]>, values: Option<PointValues>, q: &Quantities
         cells.extend(of_strain(values.and_then(|v| v.window)));
         let model = values.and_then(|v| v.window_model_error);
         cells.extend((0..3).map(|k| model.map(|error| error[k])));
+        cells.extend((0..5).flat_map(|k| pair(values.and_then(|v| Some(v.window_invariants?[k])))));
     }
     cells
 }
@@ -767,7 +824,8 @@ fn definitions(
             said.extend(quantities.window.iter().flat_map(|window| window.describe(element_size_px)));
         }
         "extensometers" => said.push(
-            "length: distance in the reference; strain_engineering = elongation/length, strain_true = ln(1 + elongation/length)"
+            "length: distance in the reference; strain_engineering = elongation/length, strain_true = ln(1 + elongation/length); \
+             stress_true = stress (1 + strain_engineering): the volume stays, and strain is even along the gauge (until it necks)"
                 .to_owned(),
         ),
         "regions" => {

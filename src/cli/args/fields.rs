@@ -257,6 +257,9 @@ pub struct FiguresArgs {
     /// Folder for the pictures; made when it is not there. Default: DIR/figures.
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
+    /// Put warnings into a text beside each figure.
+    #[arg(long, help_heading = "Output")]
+    pub no_warnings: bool,
     #[command(flatten)]
     pub threads: Threads,
     #[command(flatten)]

@@ -45,8 +45,8 @@ impl Quiet {
 #[derive(Debug, Clone, Copy, Default, Args)]
 #[command(next_help_heading = "Output")]
 pub struct Drawn {
-    /// What figures are made for: screen; paper (about 84 mm wide, letters of 8 pt, no title, notes in the description
-    /// of the SVG); slide (large letters, no notes).
+    /// What figures are made for: screen; paper (84 mm wide, letters of 8 pt, no title; notes in the SVG, warnings beside
+    /// it); slide (large letters, no notes).
     #[arg(long, value_name = "screen|paper|slide", default_value = "screen")]
     style: Look,
 }

@@ -9,7 +9,7 @@ use crate::field::StrainWindow;
 use crate::io::images::Accepted;
 use crate::io::series::Frame;
 use crate::io::store::{Store, StoreHeader, StoredFrame, Variable};
-use crate::report::{Backdrop, Figure, FigureOptions, Picture, draw_figure, draw_frame, ends_of};
+use crate::report::{Backdrop, Figure, FigureOptions, Look, Picture, draw_figure, draw_frame, ends_of};
 use crate::run::{FIGURES, Record, frame_in_words, of_size, reference, strain_window};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -21,6 +21,9 @@ const EVERY: Duration = Duration::from_secs(10);
 
 pub(crate) fn run(args: &FiguresArgs) -> Result<Outcome> {
     args.drawn.choose();
+    if args.no_warnings {
+        Look::choose_without_warnings();
+    }
     let store = Store::open(&args.run)?;
     let (numbers, n_without) = drawable(&args.frames, &store, args.talk.quiet)?;
     if numbers.is_empty() {

@@ -10,7 +10,7 @@ use crate::io::case::{
 };
 use crate::io::store::Store;
 use crate::report::Plot;
-use crate::report::correlation::{along_load, turn_axes};
+use crate::report::correlation::{along_load, line_maps, turn_axes};
 use crate::run::look::quantities::{FOLDER, seen_by, write_of_store};
 use crate::run::{Record, save_picture, strain_window};
 use std::path::Path;
@@ -57,7 +57,13 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<Outcome> {
     let summary = write_of_store(&store, &asked, (args.strain, window), &wanted, output, |_, _| ())?;
     if args.curves {
         let bound = Record::of(store.header()).is_regularised();
-        draw_curves(&summary.curves, bound, &output.join(CURVES))?;
+        let folder = output.join(CURVES);
+        draw_curves(&summary.curves, bound, &folder)?;
+        for line in &summary.lines {
+            for ([of, over], plot) in line_maps(line, summary.times.as_ref()) {
+                save(&folder, &line.name, [&of, &over], plot)?;
+            }
+        }
     }
     if !args.talk.quiet {
         summary.remarks.iter().for_each(|remark| eprintln!("{}", Paint::PLAIN.remark(remark)));

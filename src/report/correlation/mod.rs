@@ -6,15 +6,15 @@ mod guide;
 mod series;
 mod warnings;
 
-pub use series::{SeriesPoint, along_load, turn_axes};
+pub use series::{SeriesPoint, along_load, line_maps, turn_axes};
 
 use super::page::{Block, Page, Section};
 use super::summary::{ReferenceSummary, Summary};
 use super::words::{plain, significant};
 use super::{Backdrop, ReportError};
-use crate::field::{Curve, Measurement, StrainField};
+use crate::field::{Measurement, StrainField};
 use crate::io::case::CaseFile;
-use crate::remark::Remark;
+use crate::io::quantities::QuantitySummary;
 use crate::units::{PixelSize, Px};
 
 /// Frames whose fields are drawn, at most.
@@ -52,10 +52,8 @@ pub struct CorrelationReport<'a> {
     pub drawn: &'a [DrawnFrame],
     /// Strains and uncertainty of up to [`SAMPLED`] frames.
     pub sampled: &'a [SeriesPoint],
-    /// What was drawn from the fields: against load or frame.
-    pub curves: &'a [Curve],
-    /// What there is to say of these.
-    pub remarks: &'a [Remark],
+    /// What was drawn from the fields: against load or frame, along lines, and what there is to say of it.
+    pub quantities: &'a QuantitySummary,
     /// Versions and hashes: name and value.
     pub provenance: Vec<(String, String)>,
 }

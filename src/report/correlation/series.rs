@@ -3,9 +3,11 @@
 use super::gauge::median_sigma;
 use super::{CorrelationReport, POINTS, spread};
 use crate::field::{Curve, Measurement, StrainField};
+use crate::io::load::LoadColumn;
+use crate::io::quantities::LineHistory;
 use crate::report::page::{Block, Section};
 use crate::report::summary::FrameSummary;
-use crate::report::{Plot, PlotSeries, ReportError, Style};
+use crate::report::{Cells, Palette, Plot, PlotSeries, ReportError, Style};
 use crate::units::Px;
 
 /// Curves of quantities that are drawn, at most.
@@ -100,11 +102,14 @@ impl CorrelationReport<'_> {
     }
 
     pub(super) fn quantities(&self) -> Result<Option<Section>, ReportError> {
-        let curves: Vec<&Curve> = self.curves.iter().filter(|curve| curve.x.len() > 1).collect();
-        if curves.is_empty() {
+        let curves: Vec<&Curve> = self.quantities.curves.iter().filter(|curve| curve.x.len() > 1).collect();
+        let times = self.quantities.times.as_ref();
+        let maps = self.quantities.lines.iter().flat_map(|line| line_maps(line, times));
+        let maps = maps.take(CURVES).map(|(_, plot)| Block::curves(&plot, "White: no value"));
+        let mut blocks = maps.collect::<Result<Vec<_>, _>>()?;
+        if curves.is_empty() && blocks.is_empty() {
             return Ok(None);
         }
-        let mut blocks = Vec::new();
         let bound =
             if self.is_regularised() { " (upper bounds: neighbouring nodes are bound to each other)" } else { "" };
         let bars = format!("Bars: \u{b1}2 standard uncertainties{bound}");
@@ -140,6 +145,40 @@ pub fn along_load(curve: &Curve) -> Plot {
 pub fn turn_axes(curve: &Curve) -> Plot {
     let series = PlotSeries::new("", Style::LineAndMarkers, curve.y.clone(), curve.x.clone());
     draw_curve(curve, series, [curve.quantity_in_words(), curve.against_in_words()])
+}
+
+/// What lies along a line over the frames, or over their times where these are known: a map for each quantity, by its
+/// name in tables, and the name of what it is over.
+pub fn line_maps(line: &LineHistory, times: Option<&LoadColumn>) -> Vec<([String; 2], Plot)> {
+    let at = |frame: usize| times.map_or(Some(frame as f64), |times| times.at(frame));
+    let mut columns: Vec<(f64, usize)> =
+        line.frames.iter().enumerate().filter_map(|(k, &frame)| Some((at(frame)?, k))).collect();
+    columns.sort_by(|a, b| a.0.total_cmp(&b.0));
+    columns.dedup_by_key(|column| column.0);
+    let over = times.map_or("frame", |times| &times.name);
+    let in_words = |name: &str| {
+        let (name, unit) = match (name.strip_suffix("_px"), name.strip_suffix("_s")) {
+            (Some(of), _) => (of, " (px)"),
+            (_, Some(of)) => (of, " (s)"),
+            _ => (name, ""),
+        };
+        format!("{}{unit}", name.replace('_', " "))
+    };
+    let map = |(k, quantity): (usize, &&str)| {
+        let values = |column: &(f64, usize)| line.values.get(column.1)?.get(k).cloned();
+        let palette = if quantity.starts_with('u') { Palette::Viridis } else { Palette::BlueRed };
+        let cells = Cells {
+            x: columns.iter().map(|column| column.0).collect(),
+            y: line.along_px.clone(),
+            values: columns.iter().filter_map(values).collect(),
+            label: in_words(quantity),
+            palette,
+        };
+        let title = format!("{}: {} along it over the series", line.name, in_words(quantity));
+        let plot = Plot::new(title, in_words(over), "along the line (px)", []);
+        ([(*quantity).to_owned(), over.to_owned()], Plot { cells: Some(cells), ..plot })
+    };
+    if columns.len() < 2 { Vec::new() } else { line.quantities.iter().enumerate().map(map).collect() }
 }
 
 fn draw_curve(curve: &Curve, series: PlotSeries, [x, y]: [(String, String); 2]) -> Plot {

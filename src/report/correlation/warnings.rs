@@ -77,7 +77,7 @@ impl CorrelationReport<'_> {
             let text = format!("{} further remarks stand in summary.json.", kinds.len() - NAMED);
             blocks.push(Block::Lead { text, warning: false });
         }
-        blocks.extend(self.remarks.iter().map(Block::of_remark));
+        blocks.extend(self.quantities.remarks.iter().map(Block::of_remark));
         if !blocks.iter().any(|block| matches!(block, Block::Lead { warning: true, .. })) {
             let text = "Every frame converged, and there are no warnings.".to_owned();
             blocks.insert(0, Block::Lead { text, warning: false });

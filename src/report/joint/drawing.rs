@@ -159,6 +159,11 @@ pub struct JointProfiles {
 }
 
 impl JointProfiles {
+    /// The largest value by size.
+    pub fn largest(&self) -> f64 {
+        self.instants.iter().flat_map(|(_, values, _)| values).fold(0.0, |most, value| most.max(value.abs()))
+    }
+
     /// Draws one line per instant, and a marker on it where its crack front lies.
     ///
     /// # Errors

@@ -5,6 +5,9 @@ use crate::io::text::file_name;
 use crate::mechanics::cohesive::Traction;
 use crate::report::{Picture, ReportError};
 
+/// Share of what stands beside it, below which a result is nothing but rounding.
+const ROUNDING: f64 = 1e-9;
+
 impl JointReport<'_> {
     /// The instants to draw: those `asked` for that have a solution, or the first, the middle and the last one.
     pub fn chosen(&self, asked: Option<&[usize]>) -> Vec<usize> {
@@ -38,8 +41,12 @@ impl JointReport<'_> {
             ("tn", self.profiles(chosen, |t| t.normal, "Normal traction along the joint", "T_n (MPa)")),
             ("tt", self.profiles(chosen, |t| t.tangential, "Tangential traction along the joint", "T_t (MPa)")),
         ];
-        for (name, profiles) in profiles {
-            save(format!("{last:06}-{name}"), profiles.draw()?)?;
+        // Of a symmetric joint one component is nothing but rounding.
+        let largest = profiles.each_ref().map(|(_, profiles)| profiles.largest());
+        for ((name, profiles), own) in profiles.iter().zip(largest) {
+            if own > ROUNDING * largest[0].max(largest[1]) {
+                save(format!("{last:06}-{name}"), profiles.draw()?)?;
+            }
         }
         if !self.joint.groups.is_empty() {
             save("load-displacement".to_owned(), self.load_displacement()?)?;
@@ -77,7 +84,11 @@ impl JointReport<'_> {
             unit => format!("mm per {unit}"),
         };
         let values: Vec<f64> = self.solution.instants[number - 1].sensitivities[k].iter().map(|v| v[c]).collect();
-        if values.iter().all(|v| *v == 0.0) {
+        let instant = &self.solution.instants[number - 1];
+        let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0_f64, |most, v| most.max(v.abs()));
+        let moved = largest(&mut instant.displacement.iter().flatten().copied());
+        // A change by all of the parameter moves nothing.
+        if largest(&mut values.iter().copied()) * self.value_of(sensitivity).abs() <= ROUNDING * moved {
             return Ok(None);
         }
         let map = JointMap {

@@ -53,6 +53,19 @@ impl<'a> JointReport<'a> {
         }
     }
 
+    /// The value of a parameter.
+    fn value_of(&self, sensitivity: &Sensitivity) -> f64 {
+        let (parameters, values) = match sensitivity.group {
+            None => (self.joint.law.parameters().to_vec(), self.joint.law.values()),
+            Some(group) => {
+                let material = &self.joint.model.materials()[group];
+                (material.parameters().to_vec(), material.values())
+            }
+        };
+        let at = parameters.iter().position(|parameter| *parameter == sensitivity.parameter);
+        at.and_then(|at| values.get(at).copied()).unwrap_or(1.0)
+    }
+
     /// The names of all parameters, in the order of the sensitivities.
     fn names(&self) -> Vec<String> {
         self.solution.parameters.iter().map(|sensitivity| self.name_of(sensitivity)).collect()

@@ -81,6 +81,13 @@ function spread(layer, low, high) {
   return [low, high];
 }
 
+/** Numbers of the first and the last colour: of quantities with a sign white stays at zero, wherever the ends of the range are. */
+function colourEnds(layer) {
+  const most = Math.max(Math.abs(range[0]), Math.abs(range[1]));
+  return layer.signed ? [-most, most] : range;
+}
+const within = v => v < range[0] ? range[0] : v > range[1] ? range[1] : v;
+
 function place() {
   positions = nodes;
   if (!state.deformed || !field) return;
@@ -109,7 +116,7 @@ function draw() {
 function paint() {
   const layer = layers[state.layer], values = field[state.layer], colours = palettes[layer.palette];
   const w = canvas.width, h = canvas.height, image = pen.createImageData(w, h), out = image.data;
-  const alpha = layer.signed ? 205 : 180, scale = 255 / (range[1] - range[0]);
+  const alpha = layer.signed ? 205 : 180, [first, last] = colourEnds(layer), scale = 255 / (last - first);
   const triangle = (ax, ay, av, bx, by, bv, cx, cy, cv) => {
     const area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay);
     if (!area) return;
@@ -128,7 +135,7 @@ function paint() {
       const x0 = Math.max(0, Math.ceil(from - .5)), x1 = Math.min(w, Math.ceil(to - .5));
       for (let x = x0; x < x1; x++) {
         const px = x + .5, b = ((px - ax) * (cy - ay) - (cx - ax) * (py - ay)) / area, c = ((bx - ax) * (py - ay) - (px - ax) * (by - ay)) / area;
-        let t = (av + b * (bv - av) + c * (cv - av) - range[0]) * scale | 0;
+        let t = (within(av + b * (bv - av) + c * (cv - av)) - first) * scale | 0;
         t = 3 * (t < 0 ? 0 : t > 255 ? 255 : t);
         const o = 4 * (y * w + x);
         out[o] = colours[t]; out[o + 1] = colours[t + 1]; out[o + 2] = colours[t + 2]; out[o + 3] = alpha;
@@ -160,9 +167,9 @@ let held = -1;
 const ENDS = ['low', 'high'];
 function legend(isByHand) {
   const layer = layers[state.layer], colours = palettes[layer.palette], span = track[1] - track[0];
-  const pen = at('colours').getContext('2d'), strip = pen.createImageData(256, 1);
+  const pen = at('colours').getContext('2d'), strip = pen.createImageData(256, 1), [first, last] = colourEnds(layer);
   for (let x = 0; x < 256; x++) {
-    const v = track[0] + (x + .5) / 256 * span, t = Math.max(0, Math.min(255, Math.floor(255 * (v - range[0]) / (range[1] - range[0]))));
+    const v = track[0] + (x + .5) / 256 * span, t = Math.max(0, Math.min(255, Math.floor(255 * (within(v) - first) / (last - first))));
     for (let c = 0; c < 4; c++) strip.data[4 * x + c] = c < 3 ? colours[3 * t + c] : 255;
   }
   pen.putImageData(strip, 0, 0);

@@ -70,8 +70,7 @@ pub(crate) fn write(
         element_px: header.element_size_px,
         drawn: &drawn,
         sampled: &sampled,
-        curves: &quantities.curves,
-        remarks: &quantities.remarks,
+        quantities,
         provenance,
     };
     let mut page = report.page()?;

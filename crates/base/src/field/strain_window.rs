@@ -31,6 +31,9 @@ pub struct WindowStrains {
     /// At each node the strain over the window around it, and the standard uncertainty of exx, eyy and exy; `None`
     /// where the node is not measured, too few of its window are, or they lie on one line.
     pub nodes: Vec<Option<(TensorStrain, [f64; 3])>>,
+    /// At each node the correlations of the noise of exx with eyy, exx with exy, eyy with exy; `None` where they are not
+    /// known, as of regularised fields and of those that come from a store.
+    pub correlations: Option<Vec<[f64; 3]>>,
     /// At each node what exx, eyy and exy may be off beyond noise, without sign (THEORY 20); zero where there is no
     /// strain, and `None` where nothing estimated it, as in earlier stores.
     pub model_error: Option<Vec<[f64; 3]>>,
@@ -182,11 +185,13 @@ impl StrainWindows {
         let slopes: Vec<Option<[Slope; 3]>> = (0..found.len()).map(around).collect();
         let known = field.mesh.nodes().iter().zip(&slopes).filter_map(|(&at, slopes)| Some((at, (*slopes)?)));
         let model = slopes.iter().map(|slopes| slopes.map_or([0.0; 3], |slopes| slopes.map(Slope::model_error)));
+        let correlations = found.iter().map(|at| at.map_or([0.0; 3], |(.., correlations)| correlations));
         WindowStrains {
             window: self.window,
             model_error: Some(model.collect()),
             flattened: Flattened::of(self.window, &known.collect::<Vec<_>>()),
-            nodes: found.iter().map(|at| at.map(|(strain, slopes)| (strain, slopes.map(|s| s.sigma)))).collect(),
+            correlations: (!self.bound).then(|| correlations.collect()),
+            nodes: found.iter().map(|at| at.map(|(strain, slopes, _)| (strain, slopes.map(|s| s.sigma)))).collect(),
         }
     }
 
@@ -196,7 +201,7 @@ impl StrainWindows {
         definition: StrainDefinition,
         places: &[Place],
         place: &Place,
-    ) -> Option<(TensorStrain, [Slope; 3])> {
+    ) -> Option<(TensorStrain, [Slope; 3], [f64; 3])> {
         let points: Vec<[f64; 2]> = place.nodes.iter().map(|&node| field.mesh.nodes()[node as usize]).collect();
         let weights = plane(points.get(..place.window)?)?;
         let mut gradient = [[0.0; 2]; 2];
@@ -217,24 +222,29 @@ impl StrainWindows {
         let strain = definition.of_gradient(gradient)?;
         let slopes = definition.slopes(gradient)?;
         let (off, bounds) = self.off(field, place, &points, &weights, gradient);
-        let sigma_of = |slope: &[[f64; 2]; 2], [xx, xy, yy]: [f64; 3], bound: &[[f64; 2]; 2]| match self.bound {
+        let covariance = |a: &[[f64; 2]; 2], b: &[[f64; 2]; 2], [xx, xy, yy]: [f64; 3]| {
+            let of = |c: usize| {
+                let ([ax, ay], [bx, by]) = (a[c], b[c]);
+                density[c] / total * (ax * bx * xx + (ax * by + ay * bx) * xy + ay * by * yy)
+            };
+            of(0) + of(1)
+        };
+        let sigma_of = |slope: &[[f64; 2]; 2], noise: [f64; 3], bound: &[[f64; 2]; 2]| match self.bound {
             true => (0..4).map(|i| slope[i / 2][i % 2].abs() * bound[i / 2][i % 2]).sum(),
-            false => {
-                let of = |c: usize| {
-                    let [x, y] = slope[c];
-                    density[c] / total * (x * x * xx + 2.0 * x * y * xy + y * y * yy)
-                };
-                (of(0) + of(1)).max(0.0).sqrt() / self.size
-            }
+            false => covariance(slope, slope, noise).max(0.0).sqrt() / self.size,
         };
         let noise = &place.shape.noise;
+        let correlation = |[a, b]: [usize; 2]| {
+            let [ab, aa, bb] = [[a, b], [a, a], [b, b]].map(|[a, b]| covariance(&slopes[a], &slopes[b], noise.slopes));
+            if aa > 0.0 && bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
+        };
         let slope_of = |slope: [[f64; 2]; 2]| Slope {
             sigma: sigma_of(&slope, noise.slopes, &bounds[0]),
             off: (0..4).map(|i| slope[i / 2][i % 2] * off[i / 2][i % 2]).sum::<f64>().powi(2),
             noise: sigma_of(&slope, noise.off, &bounds[1]).powi(2),
             n: 1.0,
         };
-        Some((strain, slopes.map(slope_of)))
+        Some((strain, slopes.map(slope_of), [[0, 1], [0, 2], [1, 2]].map(correlation)))
     }
 
     /// The gradient of the plane less that of the cubic; and upper bounds of the standard uncertainties of the former

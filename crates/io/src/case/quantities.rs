@@ -87,9 +87,24 @@ pub struct CaseLoad {
     /// The decimal mark of the load file, where the file itself does not show whether `1.250` is 1250.
     #[cfg_attr(feature = "cli", arg(long = "load-decimal", value_name = "point|comma"))]
     pub decimal: Option<Decimal>,
-    /// Area of the cross-section, mm2: adds a column `stress_MPa`, the force over it.
-    #[cfg_attr(feature = "cli", arg(long = "area", value_name = "MM2", allow_negative_numbers = true))]
+    /// Area of the cross-section, mm2 (as a flag also width by thickness, 12.5x3): adds a column `stress_MPa`, the force
+    /// over it, and the true stress of extensometers.
+    #[cfg_attr(
+        feature = "cli",
+        arg(long = "area", value_name = "MM2|WxT", value_parser = area, allow_negative_numbers = true)
+    )]
     pub area_mm2: Option<f64>,
+}
+
+/// An area, or the width by the thickness of a section.
+#[cfg(feature = "cli")]
+fn area(text: &str) -> Result<f64, String> {
+    let sides = text.split(['x', 'X', '*']).map(|side| side.trim().parse::<f64>());
+    match sides.collect::<Result<Vec<_>, _>>().as_deref() {
+        Ok(&[area]) => Ok(area),
+        Ok(&[width, thickness]) => Ok(width * thickness),
+        _ => Err(format!("'{text}' is no area; give mm2, or width by thickness in mm as 12.5x3")),
+    }
 }
 
 /// The mark before the decimals of a number.

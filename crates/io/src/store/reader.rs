@@ -355,7 +355,7 @@ impl Store {
                     false => None,
                 };
                 let nodes = strain.into_iter().zip(sigma).map(both).collect();
-                Some(WindowStrains { window, nodes, model_error, flattened: None })
+                Some(WindowStrains { window, nodes, model_error, correlations: None, flattened: None })
             }
             _ => None,
         };

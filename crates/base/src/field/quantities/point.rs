@@ -38,16 +38,21 @@ pub struct PointValues {
     pub window: Option<(TensorStrain, [f64; 3])>,
     /// What exx, eyy and exy over the window may be off beyond noise, interpolated likewise (THEORY 20).
     pub window_model_error: Option<[f64; 3]>,
+    /// The invariants of the strain over the window.
+    pub window_invariants: Option<[Value; 5]>,
 }
 
 impl PointValues {
     /// The same with the strain over a window of nodes, at the place `at` of the mesh.
     pub(super) fn with_window<U: Length>(self, mesh: &Mesh<U>, at: [f64; 2], strains: &WindowStrains) -> Self {
-        let mean = || {
+        let mut correlations = [0.0; 3];
+        let mut mean = || {
             let (mut strain, mut sigma, mut model) = ([0.0; 3], [0.0; 3], [0.0; 3]);
             for (node, weight) in shape_at(mesh, at)?.into_iter().filter(|(_, weight)| *weight != 0.0) {
                 let (of_node, noise) = strains.nodes[node]?;
                 let off = strains.model_error.as_ref().map_or([0.0; 3], |errors| errors[node]);
+                let together = strains.correlations.as_ref().map_or([0.0; 3], |of_nodes| of_nodes[node]);
+                (0..3).for_each(|c| correlations[c] += weight * together[c]);
                 for (c, e) in of_node.components().into_iter().enumerate() {
                     strain[c] += weight * e;
                     sigma[c] += weight * noise[c];
@@ -57,7 +62,22 @@ impl PointValues {
             Some(((TensorStrain::of_components(strain), sigma), model))
         };
         let (window, model) = mean().unzip();
-        Self { window, window_model_error: model.filter(|_| strains.model_error.is_some()), ..self }
+        let invariants = window.map(|(strain, sigma)| {
+            Invariant::ALL.map(|which| {
+                let by = strain.slopes_of(which);
+                let [x, y, xy] = [0, 1, 2].map(|c| by[c] * sigma[c]);
+                let [with_y, with_xy, y_with_xy] = correlations;
+                let square = x * x + y * y + xy * xy + 2.0 * (with_y * x * y + with_xy * x * xy + y_with_xy * y * xy);
+                // Where nothing is known of how they go together, the sum is a bound.
+                let sigma = match strains.correlations {
+                    Some(_) => square.max(0.0).sqrt(),
+                    None => x.abs() + y.abs() + xy.abs(),
+                };
+                Value { value: strain.invariant(which), sigma }
+            })
+        });
+        let window_model_error = model.filter(|_| strains.model_error.is_some());
+        Self { window, window_model_error, window_invariants: invariants, ..self }
     }
 }
 
@@ -105,7 +125,6 @@ pub fn at_point<U: Length>(
     let by = gradient_weights(mesh, noise, &weights);
     let there = by.and_then(|by| strain_of(field, noise, definition, &by));
     let model_error = model_error_at(field, noise, at, &weights);
-    let (window, window_model_error) = (None, None);
     Some(PointValues {
         displacement,
         sigma,
@@ -115,8 +134,9 @@ pub fn at_point<U: Length>(
         invariants: there.map(|there| there.invariants),
         rotation_deg: there.map(|there| there.rotation_deg),
         sum: there.map(|there| there.sum),
-        window,
-        window_model_error,
+        window: None,
+        window_model_error: None,
+        window_invariants: None,
     })
 }
 

@@ -142,6 +142,7 @@ impl Region {
                 sum: whole.map(|whole| whole.sum),
                 window: None,
                 window_model_error: None,
+                window_invariants: None,
             },
             spread: [0, 1].map(|c| over(&mut displacements.iter().map(|u| u[c])).deviation),
             strain: has_strain.then(|| [0, 1, 2].map(|c| over(&mut strains.iter().map(|strain| strain[c])))),
