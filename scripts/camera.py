@@ -376,7 +376,7 @@ class Judge:
                 self.hold(held >= 0.9 * len(z), f"{name}: {held} of {len(z)} hold")
         verdicts.SIDE = SIDE
 
-    def cost(self, draws=5):
+    def cost(self, draws=15):
         images = self.folder / "series"
         self.call("make", "images", "affine", "--size", "1024x1024", "--frames", 60, "--noise", 1, "--output", images, "--overwrite")
         zone = '[[zone]]\nname = "all"\nroi = [8, 8, 1008, 1008]\n'
