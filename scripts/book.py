@@ -29,7 +29,7 @@ ABOUT = {
     "benches/RESULTS.md": ("Speed and accuracy: figures", "project/results.md"),
 }
 # Notebooks become chapters, too: with what their cells show where they were run (make wheel WHEEL=--all).
-NOTEBOOKS = [f"python/notebooks/{name}.ipynb" for name in ("first_pair", "tensile_test", "joint", "own_field", "long_series")]
+NOTEBOOKS = sorted(path.relative_to(ROOT).as_posix() for path in ROOT.glob("python/notebooks/*.ipynb"))
 LINK = re.compile(r"\]\(([^()\s]+)\)")
 # Code is left alone: a fence, or a span of it.
 CODE = re.compile(r"(^[ ]*```.*?^[ ]*```[ ]*$|`[^`\n]+`)", re.M | re.S)
