@@ -389,15 +389,8 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         still: Option<StillMotion>,
     ) -> io::Result<Option<FrameQuantities>> {
         let drawn = field.map(|field| {
-            // Which nodes are measured seldom changes along a series: the correlations are kept.
-            let kept = self.noise.take().filter(|noise| noise.is_of(field));
-            let noise = kept.unwrap_or_else(|| {
-                let noise = if self.bound { NodalNoise::unknown_of(field) } else { NodalNoise::of(field) };
-                match self.camera {
-                    Some(camera) => noise.mapped_from(camera.raw_mesh()),
-                    None => noise,
-                }
-            });
+            let raw = self.camera.map(Rectifier::raw_mesh);
+            let noise = NodalNoise::along(self.noise.take(), field, self.bound, raw);
             let noise = self.noise.insert(noise);
             if let (None, Some(window)) = (&self.windows, self.quantities.window) {
                 self.windows = Some(StrainWindows::new(&field.mesh, window, self.bound));

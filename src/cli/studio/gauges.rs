@@ -35,10 +35,8 @@ pub(super) fn readings(store: &Store, folder: &Path, from: usize) -> Result<Valu
         let field = if status.has_field() { store.frame(last)?.map(|frame| frame.measurement) } else { None };
         let drawn = field.map(|field| {
             let plane = camera.rectify(&field);
-            let kept = noise.take().filter(|noise| noise.is_of(&plane));
-            let made = || if is_bound { NodalNoise::unknown_of(&plane) } else { NodalNoise::of(&plane) };
-            let noise = noise.insert(kept.unwrap_or_else(|| made().mapped_from(camera.raw_mesh())));
-            gauges.draw(&plane, noise, None)
+            let along = NodalNoise::along(noise.take(), &*plane, is_bound, Some(camera.raw_mesh()));
+            gauges.draw(&plane, noise.insert(along), None)
         });
         let of_load: Vec<Option<f64>> = loads.columns.iter().map(|column| column.at(last)).collect();
         rows.push(json!({ "number": last, "loads": of_load, "values": values(&gauges, drawn.as_ref(), mm) }));

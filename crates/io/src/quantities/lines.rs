@@ -1,6 +1,6 @@
 //! What lies along a line, kept over the frames of a series.
 
-use crate::field::{FrameQuantities, PointValues, Quantities};
+use crate::field::{FrameQuantities, PointValues, Quantities, Segment, Value};
 
 /// The most frames that are kept of a line, twice that for a moment: of a longer series every second, fourth, ...
 const MOST_FRAMES: usize = 512;
@@ -29,7 +29,7 @@ impl LineHistory {
     /// Histories of all lines, without a frame.
     pub(super) fn of(quantities: &Quantities) -> Vec<Self> {
         let names: Vec<_> = PointValues::quantities(quantities.window).iter().map(|(name, _)| *name).collect();
-        let history = |(name, line): &(String, crate::field::Segment)| {
+        let history = |(name, line): &(String, Segment)| {
             let points = line.points();
             let every = points.len().div_ceil(MOST_PLACES).max(1);
             Self {
@@ -53,7 +53,7 @@ impl LineHistory {
             return;
         }
         let line = drawn.and_then(|drawn| drawn.lines.get(at));
-        let of = |value: fn(&PointValues) -> Option<crate::field::Value>| -> Vec<f32> {
+        let of = |value: fn(&PointValues) -> Option<Value>| -> Vec<f32> {
             let there = |at: &Option<PointValues>| at.as_ref().and_then(value).map_or(f32::NAN, |v| v.value as f32);
             match line {
                 Some(line) => line.iter().step_by(places).map(there).collect(),
@@ -63,10 +63,8 @@ impl LineHistory {
         self.frames.push(number);
         self.values.push(PointValues::quantities(q.window).iter().map(|&(_, value)| of(value)).collect());
         if self.frames.len() >= 2 * MOST_FRAMES {
-            let mut keep = [true, false].into_iter().cycle();
-            self.frames.retain(|_| keep.next() == Some(true));
-            let mut keep = [true, false].into_iter().cycle();
-            self.values.retain(|_| keep.next() == Some(true));
+            self.frames = self.frames.iter().copied().step_by(2).collect();
+            self.values = std::mem::take(&mut self.values).into_iter().step_by(2).collect();
             self.every[0] *= 2;
         }
     }
@@ -75,7 +73,6 @@ impl LineHistory {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::Segment;
 
     #[test]
     fn of_a_long_series_frames_are_kept_at_equal_distances_and_no_more_than_can_be_drawn() {

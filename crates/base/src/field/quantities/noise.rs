@@ -136,6 +136,24 @@ impl NodalNoise {
         Self { marks: field.marks.clone(), reads_coefficients: !has_values, ..unknown }
     }
 
+    /// That of a field of a series: `kept` from the field before where it holds for this one too, since which nodes are
+    /// measured seldom changes, else made anew. Of nodes that are bound to each other nothing is known; `of_image` is the
+    /// mesh from which a camera maps the fields.
+    pub fn along<U: Length>(
+        kept: Option<Self>,
+        field: &Measurement<U>,
+        are_bound: bool,
+        of_image: Option<&Arc<Mesh<Px>>>,
+    ) -> Self {
+        kept.filter(|kept| kept.is_of(field)).unwrap_or_else(|| {
+            let made = if are_bound { Self::unknown_of(field) } else { Self::of(field) };
+            match of_image {
+                Some(of_image) => made.mapped_from(of_image),
+                None => made,
+            }
+        })
+    }
+
     /// Whether what is read at points is made of coefficients as they stand.
     pub(super) fn reads_coefficients(&self) -> bool {
         self.reads_coefficients
