@@ -1,7 +1,7 @@
 //! The load cell beside the prediction: the record, its table and its figure.
 
 use super::{Name, Picture, Plot, PlotSeries, ReportError, Style, to_strings, version};
-use crate::identify::{LoadCell, LoadComparison};
+use crate::identify::{Band, LoadCell, LoadComparison};
 use crate::io::joint::write_table;
 use crate::remark::Remark;
 use serde::{Deserialize, Serialize};
@@ -61,6 +61,12 @@ pub struct ForcePoint {
     /// Opening of the joint where it opens most.
     #[serde(default)]
     pub opening_mm: f64,
+    /// Standard uncertainty of the computed force after a fit: noise of the measurement and uncertain constants.
+    #[serde(rename = "computed_std_N", default)]
+    pub computed_std_n: Option<f64>,
+    /// Ends of its 95 % band, which also holds what the bands of the tractions hold.
+    #[serde(rename = "computed_95_N", default)]
+    pub computed_95_n: Option<[f64; 2]>,
 }
 
 impl ForceRecord {
@@ -72,6 +78,8 @@ impl ForceRecord {
             measured_n,
             computed_n,
             opening_mm,
+            computed_std_n: None,
+            computed_95_n: None,
         };
         Self {
             column: cell.column.clone().into(),
@@ -92,15 +100,36 @@ impl ForceRecord {
         }
     }
 
+    /// The same with what the fit of `bands` says of the computed force.
+    pub(super) fn with_bands(mut self, bands: &[Band]) -> Self {
+        for point in &mut self.points {
+            let force = bands.iter().find(|band| band.instant == point.instant).and_then(|band| band.force);
+            point.computed_std_n = force.map(|force| force.std_n);
+            let ends = |[below, above]: [f64; 2]| [point.computed_n - below, point.computed_n + above];
+            point.computed_95_n = force.map(|force| ends(force.sides_n));
+        }
+        self
+    }
+
     /// Writes `force.csv`.
     ///
     /// # Errors
     /// Those of `out`.
     pub fn write<W: Write>(&self, out: W) -> io::Result<()> {
-        let columns = to_strings(&["instant", "measured_N", "computed_N", "opening_mm"]);
-        let rows =
-            self.points.iter().map(|at| (vec![at.instant as u64], vec![at.measured_n, at.computed_n, at.opening_mm]));
-        write_table(out, &[version(), self.text.clone()], &columns, rows)
+        let mut columns = vec!["instant", "measured_N", "computed_N", "opening_mm"];
+        let banded = self.points.iter().any(|at| at.computed_std_n.is_some());
+        if banded {
+            columns.extend(["computed_std_N", "computed_low_N", "computed_high_N"]);
+        }
+        let row = |at: &ForcePoint| {
+            let mut values = vec![at.measured_n, at.computed_n, at.opening_mm];
+            if banded {
+                let [low, high] = at.computed_95_n.unwrap_or([f64::NAN; 2]);
+                values.extend([at.computed_std_n.unwrap_or(f64::NAN), low, high]);
+            }
+            (vec![at.instant as u64], values)
+        };
+        write_table(out, &[version(), self.text.clone()], &to_strings(&columns), self.points.iter().map(row))
     }
 
     /// Measured and computed force, each picture with its name: `force` over the instants, `force-opening` over the opening
@@ -130,8 +159,17 @@ impl ForceRecord {
         if let Some(std) = self.std_n {
             measured = measured.with_band(vec![1.96 * std; x.len()]);
         }
-        let computed = PlotSeries::new("computed", Style::Line, x, column(|point| point.computed_n));
-        let used = if self.used { "It took part in the fit." } else { "It took no part in a fit." };
+        let mut computed = PlotSeries::new("computed", Style::Line, x, column(|point| point.computed_n));
+        let mut used = if self.used { "It took part in the fit." } else { "It took no part in a fit." };
+        let ends: Option<Vec<[f64; 2]>> = self.points.iter().map(|point| point.computed_95_n).collect();
+        if let Some(ends) = ends.filter(|ends| !ends.is_empty()) {
+            let [low, high] = [0, 1].map(|side| ends.iter().map(|ends| ends[side]).collect::<Vec<f64>>());
+            computed = computed.with_limits(&low, &high);
+            used = match self.used {
+                true => "It took part in the fit. Band: 95 %, noise and uncertain constants.",
+                false => "It took no part in a fit. Band: 95 %, noise and uncertain constants, the width as stated.",
+            };
+        }
         let plot = Plot::new(format!("Force on {}", self.group), over, "force (N)", [measured, computed]);
         plot.with_note(&self.text).with_note(used)
     }

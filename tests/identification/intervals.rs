@@ -102,6 +102,7 @@ impl Known {
             instants,
             pixel_size_mm: None,
             force: None,
+            held: None,
             camera: Vec::new(),
         });
         let border = Arc::new(Border::free(joint));

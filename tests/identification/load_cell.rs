@@ -2,7 +2,7 @@
 
 use crate::mechanics_common;
 use mechanics_common::{adhesive, aluminium, assert_close, measured_table};
-use quadrille::identify::{Case, Fit, Outcome, fit};
+use quadrille::identify::{Case, Fit, Outcome, bands, fit};
 use quadrille::io::case::BoundaryNoise;
 use quadrille::io::joint::read_joint;
 use quadrille::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, Model, ModelOptions, NodeGroup};
@@ -219,7 +219,7 @@ fn a_width_that_is_wrong_by_a_tenth_contradicts_the_fields() {
     let force = "[force]\nfile = 'load.csv'\ngroup = 'upper'\nwidth_mm = 11\nuse = false\n";
     fitted(&with_force(force), |case, found| {
         let law = case.problem.unknowns.law_at(&found.evaluation.x).unwrap();
-        let cell = case.force.as_ref().unwrap();
+        let cell = case.problem.observation.cell().unwrap();
         let comparison = cell.compare(&case.problem.joint.model, &*law, found.solution()).unwrap();
         // The fields tell the law to some 2 %.
         assert!((comparison.scale.unwrap() - 10.0 / 11.0).abs() < 0.05, "{comparison:?}");
@@ -260,7 +260,7 @@ fn a_force_that_is_not_used_is_held_against_the_prediction() {
     fitted(&with_force(force), |case, found| {
         let law = case.problem.unknowns.law_at(&found.evaluation.x).unwrap();
         assert_eq!(case.problem.observation.n_forces(), 0);
-        let cell = case.force.as_ref().unwrap();
+        let cell = case.problem.observation.cell().unwrap();
         let comparison = cell.compare(&case.problem.joint.model, &*law, found.solution()).unwrap();
         // The noise of the load cell is 2 N, eight times.
         assert!(comparison.points.len() == 8 && comparison.rms_n > 0.8 && comparison.rms_n < 4.0, "{comparison:?}");
@@ -271,10 +271,78 @@ fn a_force_that_is_not_used_is_held_against_the_prediction() {
     let turned = "[force]\nfile = 'load.csv'\ngroup = 'upper'\ndirection = '-y'\nwidth_mm = 10\nuse = false\n";
     fitted(&with_force(turned), |case, found| {
         let law = case.problem.unknowns.law_at(&found.evaluation.x).unwrap();
-        let cell = case.force.as_ref().unwrap();
+        let cell = case.problem.observation.cell().unwrap();
         let comparison = cell.compare(&case.problem.joint.model, &*law, found.solution()).unwrap();
         assert_eq!(comparison.remark(cell).unwrap().code, Code::ForceOpposite);
     });
+}
+
+/// Computed force and its standard uncertainty at each instant, N.
+fn computed(case: &Case<'_>, found: &Fit) -> Vec<[f64; 2]> {
+    let law = case.problem.unknowns.law_at(&found.evaluation.x).unwrap();
+    let cell = case.problem.observation.cell().unwrap();
+    let comparison = cell.compare(&case.problem.joint.model, &*law, found.solution()).unwrap();
+    let bands = bands(&case.problem, found).unwrap();
+    let of_point = |(&(instant, _, computed), band): (&(usize, f64, f64), &quadrille::identify::Band)| {
+        assert_eq!(band.instant, instant);
+        [computed, band.force.unwrap().std_n]
+    };
+    comparison.points.iter().zip(&bands).map(of_point).collect()
+}
+
+#[test]
+fn the_computed_force_is_as_uncertain_as_its_errors_say() {
+    let held = "[force]\nfile = 'load.csv'\ngroup = 'upper'\nwidth_mm = 10\nuse = false\n";
+    let noisy = |boundary: &str| {
+        format!(
+            "[measurement]\nfile = 'measured.csv'\nnodes = 'free'\nweights = 'covariance'\nboundary = '{boundary}'\n\
+             common_reference = false\nnoise_mm = 2e-5\n"
+        )
+    };
+    for (boundary, noisy_border, force) in
+        [("exact", false, held), ("measured", true, held), ("estimated", true, held), ("measured", true, BOTH.force)]
+    {
+        let measurement = noisy(boundary);
+        let draws = 12;
+        let of_seed = |seed: u64| -> f64 {
+            let set = Set { seed, measurement: &measurement, noisy_border, ..with_force(force) };
+            let found = fitted(&set, |case, found| computed(case, found));
+            let z = |([value, std], truth): (&[f64; 2], &f64)| ((value - WIDTH * truth) / std).powi(2);
+            found.iter().zip(&pulled().forces).map(z).sum::<f64>() / 8.0
+        };
+        let mean = (1..=draws).map(of_seed).sum::<f64>() / draws as f64;
+        println!("{boundary}, force used {}: rms of z {:.2}", force == BOTH.force, mean.sqrt());
+        // Three parameters for eight instants: some 36 independent squares, whose mean leaves 0.4 to 1.75 once in 500.
+        assert!(mean > 0.4 && mean < 1.75, "{boundary}: {mean}");
+    }
+}
+
+#[test]
+fn an_uncertain_modulus_makes_the_force_as_uncertain_as_a_fit_with_another_modulus_moves_it() {
+    let with = |e: f64, std: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let held = "[force]\nfile = 'load.csv'\ngroup = 'upper'\nwidth_mm = 10\nuse = false\n";
+        write_case(folder.path(), &with_force(held));
+        let path = folder.path().join("case.toml");
+        let text = std::fs::read_to_string(&path).unwrap();
+        let text = text.replace("E_MPa = 72000.0\n", &format!("E_MPa = {e}\n{std}"));
+        let exact = if std.is_empty() { "exact = true" } else { "exact = ['nu', 'sigma_0', 'alpha', 'n']" };
+        let text = text.replacen("exact = true", exact, 1);
+        std::fs::write(&path, text).unwrap();
+        let input = read_joint(&path).unwrap();
+        let joint = Case::joint(&input).unwrap();
+        let case = Case::new(&joint, &input, &path).unwrap();
+        computed(&case, &fit(&case.problem, &case.options).unwrap())
+    };
+    let (exact, uncertain) = (with(72_000.0, ""), with(72_000.0, "E_MPa_std = 360\n"));
+    let (more, less) = (with(72_360.0, ""), with(71_640.0, ""));
+    for k in 0..8 {
+        let by_modulus = (uncertain[k][1].powi(2) - exact[k][1].powi(2)).sqrt();
+        let seen = 0.5 * (more[k][0] - less[k][0]).abs();
+        println!("instant {}: {by_modulus:.4} N, refits {seen:.4} N", k + 1);
+        // Second order of half a per cent, and where the fits stopped.
+        assert!((by_modulus - seen).abs() < 0.03 * seen + 1e-3, "instant {}: {by_modulus} for {seen}", k + 1);
+    }
 }
 
 #[test]

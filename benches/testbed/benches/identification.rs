@@ -60,6 +60,7 @@ fn all_nodes<'a>(problem: Problem<'a>, experiment: &'a Experiment, mm: f64) -> P
         instants,
         pixel_size_mm: None,
         force: None,
+        held: None,
         camera: Vec::new(),
     };
     let noise = Noise {

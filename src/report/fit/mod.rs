@@ -48,14 +48,14 @@ impl<'a> FitReport<'a> {
     /// See [`FitError`].
     pub fn new(case: &'a Case<'a>, fit: &'a Fit, profile: Option<Profile>) -> Result<Self, FitError> {
         let (bands, curves) = (bands(&case.problem, fit)?, curve_bands(&case.problem, fit)?);
-        let Case { problem, force, .. } = case;
+        let problem = &case.problem;
         let law = problem.unknowns.law_at(&fit.evaluation.x)?;
         let used = problem.observation.force.is_some();
         let compare = |cell: &LoadCell| {
             let comparison = cell.compare(&problem.joint.model, &*law, fit.solution())?;
-            Some(ForceRecord::of(cell, &comparison, used))
+            Some(ForceRecord::of(cell, &comparison, used).with_bands(&bands))
         };
-        let force = force.as_ref().and_then(compare);
+        let force = problem.observation.cell().and_then(compare);
         Ok(Self { case, fit, bands, curves, profile, force })
     }
 

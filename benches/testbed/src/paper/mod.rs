@@ -155,6 +155,7 @@ impl Experiment {
             instants,
             pixel_size_mm: None,
             force: None,
+            held: None,
             camera: Vec::new(),
         };
         let noise = Noise {

@@ -37,7 +37,7 @@ pub use doubt::significance::NOISE_LEVEL_STD;
 pub use doubt::verdict::{
     Grounds, LARGEST_CORRELATION, LARGEST_FAILED, LARGEST_NOISE_RATIO, LARGEST_STD, Outcome, Verdict,
 };
-pub use intervals::bands::{Band, CurveBand, bands, curve_bands};
+pub use intervals::bands::{Band, CurveBand, ForceBand, bands, curve_bands};
 pub use intervals::bootstrap::Bootstrap;
 pub use intervals::budget::{Budget, BudgetLine, ELEMENT_SIZE, NOISE, NOISE_LEVEL, Parts, interval95};
 pub use intervals::constants::{Constant, ConstantEffect, ConstantKind, Face, Source};

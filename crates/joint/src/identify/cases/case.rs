@@ -48,8 +48,6 @@ pub struct Case<'a> {
     pub remarks: Vec<Remark>,
     /// Time after which the fit ends at the best point so far, s.
     pub max_seconds: Option<f64>,
-    /// The load cell, whether it takes part in the fit or is only held against the prediction.
-    pub force: Option<LoadCell>,
 }
 
 /// The share `v` of a deformed image's noise that acts through the noise of the reference's gradient: its mean over
@@ -138,7 +136,6 @@ impl<'a> Case<'a> {
             (Some(asked), Some(read)) => Some(LoadCell::new(joint, asked, read, used, &mut found)?),
             _ => None,
         };
-        let in_fit = cell.clone().filter(|_| used);
         let of_run = matches!(measured, Some(MeasurementInput::Run(_)));
         let weights = weight_kind(measurement, of_run, used)?;
         let boundary = boundary_noise(measurement, measured.is_some())?;
@@ -155,8 +152,9 @@ impl<'a> Case<'a> {
             }
             None => of_force_alone(joint, measurement)?,
         };
-        if let Some(cell) = &in_fit {
-            (observation, noise) = with_force(observation, noise, cell, &mut found)?;
+        match cell {
+            Some(cell) if used => (observation, noise) = with_force(observation, noise, cell, &mut found)?,
+            cell => observation.held = cell,
         }
         check_weights(&observation, weights)?;
         let n_data = observation.n_data();
@@ -169,7 +167,14 @@ impl<'a> Case<'a> {
                 max_evaluations: table.max_evaluations.unwrap_or(TrustRegionOptions::default().max_evaluations),
                 ..TrustRegionOptions::default()
             },
-            constants: uncertainties::constants(joint, input, table, measurement, in_fit.as_ref(), &mut found)?,
+            constants: uncertainties::constants(
+                joint,
+                input,
+                table,
+                measurement,
+                observation.force.as_ref(),
+                &mut found,
+            )?,
             doubt: true,
             release: true,
             other_minima: true,
@@ -199,7 +204,6 @@ impl<'a> Case<'a> {
             boundary,
             remarks: found,
             max_seconds,
-            force: cell,
         })
     }
 }
@@ -605,7 +609,7 @@ fn observation(
     let compared = nodes.iter().map(|&node| compared[node as usize]).collect();
     let pixel_size_mm = uncertainties::mm_per_px(input);
     let camera = camera_of(joint, input, measured);
-    Ok(Observation { nodes, compared, prescribed, instants, pixel_size_mm, force: None, camera })
+    Ok(Observation { nodes, compared, prescribed, instants, pixel_size_mm, force: None, held: None, camera })
 }
 
 /// What the displacements of a run are off when its camera is. The rigid part goes with what was taken off of all.
@@ -632,8 +636,8 @@ fn of_force_alone(joint: &Joint, measurement: &CaseMeasurement) -> Result<(Obser
     let instant = |index: usize| ObservedInstant { index, displacement: Vec::new(), largest: [0.0; 2], factor: 1.0 };
     let instants = (0..n).filter(|&index| factors.get(index) != Some(&0.0)).map(instant).collect();
     let (nodes, compared, prescribed) = (Vec::new(), Vec::new(), Vec::new());
-    let (camera, force) = (Vec::new(), None);
-    let observation = Observation { nodes, compared, prescribed, instants, pixel_size_mm: None, force, camera };
+    let (camera, force, held) = (Vec::new(), None, None);
+    let observation = Observation { nodes, compared, prescribed, instants, pixel_size_mm: None, force, held, camera };
     let (precision, source) = (Precision::White(0), String::new());
     let noise = Noise { precision, common: 0.0, on_boundary: false, sigma: Some(1.0), source, ratio: None };
     Ok((observation, noise))
@@ -643,7 +647,7 @@ fn of_force_alone(joint: &Joint, measurement: &CaseMeasurement) -> Result<(Obser
 fn with_force(
     mut observation: Observation,
     mut noise: Noise,
-    cell: &LoadCell,
+    cell: LoadCell,
     found: &mut Vec<Remark>,
 ) -> Result<(Observation, Noise), FitError> {
     let Some(sigma) = noise.sigma else {
@@ -664,7 +668,7 @@ fn with_force(
         // Rows of nothing would count as instants with data.
         observation.instants.retain(|instant| cell.at(instant.index).is_some());
     }
-    observation.force = Some(cell.clone());
+    observation.force = Some(cell);
     let joined = if noise.source.is_empty() { "" } else { "; " };
     noise.source = format!("{}{joined}force {std} N as given", noise.source);
     let weight = sigma * sigma / (std * std);

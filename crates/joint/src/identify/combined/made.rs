@@ -104,7 +104,12 @@ impl Made {
     /// What elements half as large change, as a test sees it.
     pub(super) fn refinement(&self, refined: Option<&Refined>) -> Option<Refinement> {
         let (scaled, refined) = self.by_size.as_ref().zip(refined)?;
-        Some(Refinement { scaled: scaled.clone(), jumps: refined.jumps.clone(), included: self.size_included })
+        Some(Refinement {
+            scaled: scaled.clone(),
+            jumps: refined.jumps.clone(),
+            forces: refined.forces.clone(),
+            included: self.size_included,
+        })
     }
 }
 

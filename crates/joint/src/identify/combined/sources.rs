@@ -158,12 +158,12 @@ pub(super) fn effects(tests: &[Contribution<'_>], constants: &[CombinedConstant]
         }
         for (k, test) in tests.iter().enumerate() {
             let law = test.problem.law_change(&combined.constant, &test.evaluation.x, &scaled);
-            let (jumps, rows) = match found[k] {
-                Some(effect) => (effect.jumps.clone(), effect.rows.clone()),
+            let (jumps, forces, rows) = match found[k] {
+                Some(effect) => (effect.jumps.clone(), effect.forces.clone(), effect.rows.clone()),
                 None => test.still(),
             };
             let constant = combined.constant.clone();
-            views[k].push(ConstantEffect { constant, scaled: scaled.clone(), law, jumps, rows });
+            views[k].push(ConstantEffect { constant, scaled: scaled.clone(), law, jumps, forces, rows });
         }
     }
     views
@@ -190,11 +190,11 @@ impl Contribution<'_> {
         effects
     }
 
-    /// Jumps and rows that do not move.
-    fn still(&self) -> (Vec<Vec<Jump>>, Vec<Dense>) {
+    /// Jumps, forces and rows that do not move.
+    fn still(&self) -> (Vec<Vec<Jump>>, Vec<f64>, Vec<Dense>) {
         let n_pairs = self.problem.joint.model.mesh().pairs().len();
         let blocks = &self.evaluation.blocks;
         let jumps = vec![vec![Jump::default(); n_pairs]; blocks.len()];
-        (jumps, blocks.iter().map(|block| Dense::zeros(block.n_rows(), 1)).collect())
+        (jumps, vec![0.0; blocks.len()], blocks.iter().map(|block| Dense::zeros(block.n_rows(), 1)).collect())
     }
 }

@@ -15,6 +15,8 @@ pub struct Refinement {
     /// The jumps that the finer mesh has at the node pairs of the mesh, at the parameters found; by instant of the
     /// boundary.
     pub jumps: Vec<Vec<Jump>>,
+    /// Change of the computed force at each instant compared, N, at the parameters found.
+    pub forces: Vec<f64>,
     /// Whether intervals and bands hold it.
     pub included: bool,
 }
@@ -27,6 +29,8 @@ pub(crate) struct Refined {
     pub change: Vec<Dense>,
     /// The jumps at the node pairs of the mesh, by instant of the boundary.
     pub jumps: Vec<Vec<Jump>>,
+    /// Change of the computed force at each instant compared, N.
+    pub forces: Vec<f64>,
 }
 
 impl Problem<'_> {
@@ -61,7 +65,9 @@ impl Problem<'_> {
                 let nodes = carry.nodes_between(&cell.group.nodes);
                 cell.force_on(&fine, nodes, &*law, finer) - cell.width_mm * cell.reaction(model, &*law, computed).value
             };
-            observation.column(observed.index, |node, c| seen[node][c] - computed[node][c], of_force)
+            let force = observation.cell().map_or(0.0, of_force);
+            let rows = observation.column(observed.index, |node, c| seen[node][c] - computed[node][c], |_| force);
+            (rows, force)
         };
         let place: HashMap<[u32; 2], usize> = (0..).zip(fine.mesh().pairs()).map(|(k, &pair)| (pair, k)).collect();
         let places: Vec<usize> =
@@ -73,8 +79,8 @@ impl Problem<'_> {
             }
             false => Vec::new(),
         };
-        let change = observation.instants.iter().map(difference).collect();
-        Some(Refined { change, jumps: solution.instants.iter().map(jumps).collect() })
+        let (change, forces) = observation.instants.iter().map(difference).unzip();
+        Some(Refined { change, forces, jumps: solution.instants.iter().map(jumps).collect() })
     }
 }
 

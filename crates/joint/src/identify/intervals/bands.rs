@@ -1,7 +1,10 @@
-//! Confidence bands: tractions along the joint, and the law itself. Tables, figures and pages all draw these.
+//! Confidence bands: tractions along the joint, the force, and the law itself. Tables, figures and pages all draw these.
 
-use crate::identify::{Axes, ConstantEffect, Fit, FitError, NORMAL_95, ObservedInstant, Problem, Statistics};
+use crate::identify::{
+    Axes, ConstantEffect, Fit, FitError, NORMAL_95, ObservedInstant, Problem, Refinement, Statistics,
+};
 use crate::linalg::Dense;
+use crate::mechanics::ReactionAt;
 use crate::mechanics::cohesive::{CohesiveLaw, CohesiveResponse, Jump, Traction};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -21,6 +24,17 @@ pub struct Band {
     pub low: Vec<Traction>,
     /// Upper ends of the 95 % bands, MPa.
     pub high: Vec<Traction>,
+    /// The computed force where the load cell has a value, to first order.
+    pub force: Option<ForceBand>,
+}
+
+/// The computed force of one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ForceBand {
+    /// Its standard uncertainty, N: noise and uncertain constants, that of the width where the force takes part.
+    pub std_n: f64,
+    /// How far its 95 % band reaches below and above it, N.
+    pub sides_n: [f64; 2],
 }
 
 /// Traction against separation in pure opening and pure sliding.
@@ -173,14 +187,15 @@ fn by_noise(statistics: &Statistics, fit: &Fit) -> Dense {
     Dense::from_fn(n, n, |r, c| noise_factor(fit) * statistics.covariance[(r, c)])
 }
 
-/// What the noise of the measurement does to the jumps of one instant beside what the parameters do: `dJ = by_z^T dz +
-/// w`.
-struct JumpErrors {
-    /// Derivatives of the jumps by the scaled unknowns: a column for D_n and one for D_t of every pair.
+/// What the noise of the measurement does to the jumps and the force of one instant beside what the parameters do: `dJ
+/// = by_z^T dz + w`.
+struct Errors {
+    /// Derivatives of the jumps by the scaled unknowns: a column for D_n and one for D_t of every pair; then, where
+    /// there is a load cell, one for the force and one of zeros.
     by_z: Dense,
     /// `Cov(dz, w)`.
     cross: Dense,
-    /// `Cov(w)` of each pair.
+    /// `Cov(w)` of each pair of columns.
     own: Vec<[[f64; 2]; 2]>,
 }
 
@@ -206,7 +221,7 @@ pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
     let all = Uncertain { problem, fit, law: &*law, slopes, covariance, draws };
     let band_at = |(i, observed): (usize, &ObservedInstant)| -> Result<Band, FitError> {
         let jumps = problem.joint.model.jumps(&fit.solution().instants[observed.index].displacement);
-        let errors = jump_errors(problem, fit, statistics, &all.covariance, i, all.law)?;
+        let errors = errors(problem, fit, statistics, &all.covariance, i, all.law)?;
         let given_z = inverse.as_ref().map(|inverse| inverse.solve(&errors.cross));
         Ok(all.band(&AtInstant { i, observed, errors, given_z }, &jumps))
     };
@@ -229,7 +244,7 @@ struct Uncertain<'a> {
 struct AtInstant<'a> {
     i: usize,
     observed: &'a ObservedInstant,
-    errors: JumpErrors,
+    errors: Errors,
     /// `Cov(dz)^-1 Cov(dz, w)`, where that inverse is.
     given_z: Option<Dense>,
 }
@@ -255,7 +270,8 @@ impl Uncertain<'_> {
     fn band(&self, at: &AtInstant<'_>, jumps: &[Jump]) -> Band {
         let traction = jumps.iter().map(|&jump| self.law.response(jump).traction).collect();
         let (std, low, high) = (Vec::new(), Vec::new(), Vec::new());
-        let mut band = Band { instant: at.observed.index + 1, traction, std, low, high };
+        let force = self.force(at, jumps.len());
+        let mut band = Band { instant: at.observed.index + 1, traction, std, low, high, force };
         let mut lists = [(); 4].map(|()| Vec::with_capacity(DRAWS));
         for (pair, &jump) in jumps.iter().enumerate() {
             let of_pair = self.linearise(at, pair, jump);
@@ -273,6 +289,34 @@ impl Uncertain<'_> {
             band.high.push(end(1));
         }
         band
+    }
+
+    /// Makes the band of the force, whose columns follow those of the pairs of nodes.
+    fn force(&self, at: &AtInstant<'_>, n_pairs: usize) -> Option<ForceBand> {
+        let Self { problem, fit, covariance, .. } = self;
+        problem.observation.cell()?.at(at.observed.index)?;
+        let Errors { by_z, cross, own } = &at.errors;
+        let g = by_z.column(2 * n_pairs);
+        let mut through = Dense::zeros(g.len(), 1);
+        through.column_mut(0).copy_from_slice(g);
+        let of_noise = dot(g, covariance.times(&through).column(0)) + 2.0 * dot(g, cross.column(2 * n_pairs));
+        let by_constant = fit.constants.iter().map(|effect| dot(g, &effect.scaled) + effect.forces[at.i]);
+        let variance = (of_noise + own[n_pairs][0][0]).max(0.0) + by_constant.map(|by| by * by).sum::<f64>();
+        let std_n = variance.sqrt();
+        let moved = self.finer().map_or(0.0, |finer| finer.forces[at.i] + dot(g, &finer.scaled));
+        let shift = self.bias().map_or(0.0, |bias| dot(g, bias));
+        let half = NORMAL_95 * std_n.hypot(moved);
+        Some(ForceBand { std_n, sides_n: [half + shift.max(0.0), half + (-shift).max(0.0)] })
+    }
+
+    /// What elements half as large would change, where bands hold it.
+    fn finer(&self) -> Option<&Refinement> {
+        self.fit.refinement.as_ref().filter(|refinement| refinement.included)
+    }
+
+    /// To where the bias of the parameters says that the truth is.
+    fn bias(&self) -> Option<&Vec<f64>> {
+        self.fit.intervals.as_ref().and_then(|basis| basis.bias.as_ref())
     }
 
     /// Finds what changes the traction of a pair to first order.
@@ -322,7 +366,7 @@ impl Uncertain<'_> {
             let [a, a1, b, b1] = lists;
             reaches = [reach(std[0], a, a1), reach(std[1], b, b1)];
         }
-        if let Some(finer) = self.fit.refinement.as_ref().filter(|refinement| refinement.included) {
+        if let Some(finer) = self.finer() {
             let there = finer.jumps[at.observed.index][*pair];
             let moved = |d: usize| {
                 let by_jump = tangent[(d, 0)] * (there.normal - jump.normal)
@@ -333,10 +377,8 @@ impl Uncertain<'_> {
                 *sides = sides.map(|half| half.hypot(NORMAL_95 * moved(d)));
             }
         }
-        // To where the bias of the parameters says that the truth is.
-        let bias = self.fit.intervals.as_ref().and_then(|basis| basis.bias.as_ref());
         for (d, sides) in reaches.iter_mut().enumerate() {
-            let shift = bias.map_or(0.0, |bias| dot(g.column(d), bias));
+            let shift = self.bias().map_or(0.0, |bias| dot(g.column(d), bias));
             *sides = [sides[0] + f64::max(shift, 0.0), sides[1] + f64::max(-shift, 0.0)];
         }
         reaches
@@ -387,45 +429,53 @@ fn law_change(problem: &Problem<'_>, effect: &ConstantEffect, by: &[Traction]) -
     })
 }
 
-/// Errors by the noise of the jumps at the instant number `i` of those compared.
-fn jump_errors(
+/// Errors by the noise of jumps and force at the instant number `i` of those compared.
+fn errors(
     problem: &Problem<'_>,
     fit: &Fit,
     statistics: &Statistics,
     covariance: &Dense,
     i: usize,
     law: &dyn CohesiveLaw,
-) -> Result<JumpErrors, FitError> {
+) -> Result<Errors, FitError> {
     let (model, observation, noise) = (&problem.joint.model, &*problem.observation, &*problem.noise);
-    let instant = &fit.solution().instants[observation.instants[i].index];
+    let index = observation.instants[i].index;
+    let instant = &fit.solution().instants[index];
     let n = problem.unknowns.n();
     let slopes = problem.unknowns.slopes(&fit.evaluation.x);
-    let changes = |by: &Vec<[f64; 2]>| model.jump_changes(&instant.displacement, by);
-    let by_unknown: Vec<Vec<Jump>> =
-        (problem.unknowns.list().iter()).map(|unknown| changes(&instant.sensitivities[unknown.index])).collect();
-    let n_pairs = model.mesh().pairs().len();
-    let component = |jump: Jump, c: usize| if c == 0 { jump.normal } else { jump.tangential };
-    let by_z = Dense::from_fn(n, 2 * n_pairs, |k, at| slopes[k] * component(by_unknown[k][at / 2], at % 2));
-    let mut cross = Dense::zeros(n, 2 * n_pairs);
+    let cell = observation.cell().map(|cell| (cell.width_mm, cell.reaction(model, law, &instant.displacement)));
+    // Of jumps, force and nothing, for a change of the displacements and, of the force itself, of the law.
+    let changes = |by: &Vec<[f64; 2]>, by_law: Option<usize>| -> Vec<f64> {
+        let jumps = model.jump_changes(&instant.displacement, by);
+        let of_law = |reaction: &ReactionAt| by_law.map_or(0.0, |index| reaction.by_law[index]);
+        let force = cell.iter().map(|(width, reaction)| width * (reaction.change(by) + of_law(reaction)));
+        let force = force.flat_map(|force| [force, 0.0]);
+        jumps.iter().flat_map(|jump| [jump.normal, jump.tangential]).chain(force).collect()
+    };
+    let by_unknown: Vec<Vec<f64>> = (problem.unknowns.list().iter())
+        .map(|unknown| changes(&instant.sensitivities[unknown.index], Some(unknown.index)))
+        .collect();
+    let n_groups = model.mesh().pairs().len() + usize::from(cell.is_some());
+    let by_z = Dense::from_fn(n, 2 * n_groups, |k, at| slopes[k] * by_unknown[k][at]);
+    let mut cross = Dense::zeros(n, 2 * n_groups);
     if observation.prescribed.is_empty() {
-        return Ok(JumpErrors { by_z, cross, own: vec![[[0.0; 2]; 2]; n_pairs] });
+        return Ok(Errors { by_z, cross, own: vec![[[0.0; 2]; 2]; n_groups] });
     }
     let columns = problem.unit_motions();
     let fields = model.linearise(law, &instant.displacement)?.by_boundary(columns.instants());
-    let by_boundary: Vec<Vec<Jump>> = fields.iter().map(changes).collect();
+    let by_boundary: Vec<Vec<f64>> = fields.iter().map(|field| changes(field, None)).collect();
     let sigma2 = noise_factor(fit) * statistics.sigma * statistics.sigma;
     let products = |a: &Dense, b: &Dense, add: &dyn Fn(usize, usize) -> f64| -> Vec<[[f64; 2]; 2]> {
         let entry = |r: usize, c: usize| dot(a.column(r), b.column(c)) + add(r, c);
-        (0..n_pairs).map(|p| [0, 1].map(|r| [0, 1].map(|c| entry(2 * p + r, 2 * p + c)))).collect()
+        (0..n_groups).map(|p| [0, 1].map(|r| [0, 1].map(|c| entry(2 * p + r, 2 * p + c)))).collect()
     };
     if fit.largest_correction.is_none() {
-        let by_coefficients =
-            Dense::from_fn(2 * n_pairs, by_boundary.len(), |at, k| component(by_boundary[k][at / 2], at % 2));
+        let by_coefficients = Dense::from_fn(2 * n_groups, by_boundary.len(), |at, k| by_boundary[k][at]);
         let by_measured = problem.border.by_measured(&by_coefficients);
-        let mut h = Dense::zeros(observation.n_rows(), 2 * n_pairs);
+        let mut h = Dense::zeros(observation.n_rows(), 2 * n_groups);
         for k in 0..by_measured.n_columns() {
             let row = 2 * observation.prescribed[k / 2] + k % 2;
-            (0..2 * n_pairs).for_each(|at| h[(row, at)] = by_measured[(at, k)]);
+            (0..2 * n_groups).for_each(|at| h[(row, at)] = by_measured[(at, k)]);
         }
         let ch = noise.precision.inverse_times(&h);
         let mut all = Dense::zeros(observation.n_rows(), n);
@@ -435,16 +485,16 @@ fn jump_errors(
         cross.add(sigma2, &statistics.a.times(&tied));
         let mut own = products(&h, &ch, &|_, _| 0.0);
         own.iter_mut().flatten().flatten().for_each(|v| *v *= sigma2 * (1.0 + noise.common));
-        return Ok(JumpErrors { by_z, cross, own });
+        return Ok(Errors { by_z, cross, own });
     }
     // The boundary was estimated with the parameters: `d_i = N^-1 T^T M (r - J z - e)` follows z, and what is left is
     // the uncertainty of the boundary given the parameters, with that of the common error e, which is good to
     // sigma^2 common.
-    let h = Dense::from_fn(by_boundary.len(), 2 * n_pairs, |k, at| component(by_boundary[k][at / 2], at % 2));
+    let h = Dense::from_fn(by_boundary.len(), 2 * n_groups, |k, at| by_boundary[k][at]);
     let t = &statistics.by_boundary[i];
     let mt = noise.precision.times(t);
     let Ok(factor) = t.transposed_times(&mt).cholesky() else {
-        return Ok(JumpErrors { by_z, cross, own: vec![[[0.0; 2]; 2]; n_pairs] });
+        return Ok(Errors { by_z, cross, own: vec![[[0.0; 2]; 2]; n_groups] });
     };
     let back = factor.solve(&h);
     let pushed = mt.times(&back);
@@ -460,7 +510,7 @@ fn jump_errors(
         sigma2 * (dot(h.column(r), back.column(c)) + common * dot(pushed.column(r), of_common.column(c)))
     };
     let own = products(&follows, &taken, &left);
-    Ok(JumpErrors { by_z, cross, own })
+    Ok(Errors { by_z, cross, own })
 }
 
 /// The law in pure opening and in pure sliding, up to where it has nearly no traction left, with its uncertainty; the

@@ -121,6 +121,8 @@ pub struct ConstantEffect {
     pub law: Vec<f64>,
     /// Change of the computed jumps at each instant compared, with the parameters of the law as they are.
     pub jumps: Vec<Vec<Jump>>,
+    /// The same of the computed force, N; zero where the load cell has no value.
+    pub forces: Vec<f64>,
     /// Change of the rows, computed less measured, mm: a column for each instant compared.
     pub rows: Vec<Dense>,
 }
@@ -130,8 +132,10 @@ struct Change {
     /// Of computed less measured displacement at every node.
     nodes: NodalField,
     jumps: Vec<Jump>,
-    /// Of computed less measured force, N.
+    /// Of the computed force, N.
     force: f64,
+    /// Of computed less measured force, N, where the fitted parameters follow the constant.
+    row: f64,
 }
 
 /// The model with a face or the thickness moved by `by`.
@@ -185,7 +189,7 @@ impl Moved {
             (more - cell.width_mm * cell.reaction(base, law, u).value) / self.by
         });
         nodes.iter_mut().zip(&slope).for_each(|(u, slope)| *u = [0, 1].map(|c| u[c] - slope[c]));
-        Change { nodes, jumps, force }
+        Change { nodes, jumps, force, row: force }
     }
 }
 
@@ -216,7 +220,7 @@ impl<'a> AtInstant<'a> {
         let instant = &evaluation.solution.instants[index];
         let u = &instant.displacement;
         let tangent = if tangent_needed { model.linearise(law, u).ok() } else { None };
-        let cell = problem.observation.force.as_ref().filter(|cell| cell.at(index).is_some());
+        let cell = problem.observation.cell().filter(|cell| cell.at(index).is_some());
         let reaction = cell.map(|cell| (cell, cell.reaction(model, law, u)));
         Self { problem, law, instant, index, tangent, reaction, by_group: BTreeMap::new() }
     }
@@ -254,14 +258,14 @@ impl<'a> AtInstant<'a> {
                 let nodes = self.instant.sensitivities.get(*index)?.clone();
                 let jumps = model.jump_changes(u, &nodes);
                 let force = self.carried(&nodes) + self.by_law(*index);
-                Some(Change { nodes, jumps, force })
+                Some(Change { nodes, jumps, force, row: force })
             }
             ConstantKind::Width => {
                 let force = self.reaction.as_ref().map_or(0.0, |(cell, _)| self.force() / cell.width_mm);
-                Some(Change { nodes: self.still(), jumps: no_jumps(), force })
+                Some(Change { nodes: self.still(), jumps: no_jumps(), force, row: force })
             }
             ConstantKind::Thickness if model.options().kinematics == Kinematics::Paper => {
-                Some(Change { nodes: self.still(), jumps: no_jumps(), force: 0.0 })
+                Some(Change { nodes: self.still(), jumps: no_jumps(), force: 0.0, row: 0.0 })
             }
             ConstantKind::Thickness | ConstantKind::Face(_) => {
                 let cell = self.reaction.as_ref().map(|(cell, _)| *cell);
@@ -287,7 +291,7 @@ impl<'a> AtInstant<'a> {
         }
         let (jumps, force) = (model.jump_changes(&self.instant.displacement, &nodes), self.carried(&nodes));
         nodes.iter_mut().zip(off).for_each(|(u, off)| *u = [0, 1].map(|c| u[c] - off[c]));
-        Some(Change { nodes, jumps, force })
+        Some(Change { nodes, jumps, force, row: force })
     }
 
     fn by_material(&mut self, groups: &[usize], index: usize) -> Option<Change> {
@@ -301,7 +305,7 @@ impl<'a> AtInstant<'a> {
         let jumps = model.jump_changes(u, &nodes);
         let own = |cell: &LoadCell| groups.iter().map(|&group| cell.by_material(model, group, u)[index]).sum::<f64>();
         let force = self.carried(&nodes) + self.reaction.as_ref().map_or(0.0, |(cell, _)| own(cell));
-        Some(Change { nodes, jumps, force })
+        Some(Change { nodes, jumps, force, row: force })
     }
 
     /// Were all parameters of the law to grow by their power of mm, the solution would grow as the data do: what a
@@ -311,14 +315,16 @@ impl<'a> AtInstant<'a> {
         let small = model.options().kinematics.is_small();
         let (mut nodes, mut all) = (self.still(), if small { u.clone() } else { self.still() });
         // A reaction by width grows as lengths do, what the load cell shows does not.
-        let mut force = self.force();
+        let (mut force, mut row) = (self.force(), self.force());
         for (index, (p, value)) in self.law.parameters().iter().zip(self.law.values()).enumerate() {
             let grown = -power_of_length(p.unit) * value;
             let field = self.instant.sensitivities.get(index)?;
             add(&mut all, grown, field);
+            let of_force = grown * (self.carried(field) + self.by_law(index));
+            force += of_force;
             if !self.problem.is_fitted(&ConstantKind::Law { index }) {
                 add(&mut nodes, grown, field);
-                force += grown * (self.carried(field) + self.by_law(index));
+                row += of_force;
             }
         }
         let mut jumps = model.jump_changes(u, &all);
@@ -328,7 +334,7 @@ impl<'a> AtInstant<'a> {
                 *sum = Jump { normal: sum.normal + jump.normal, tangential: sum.tangential + jump.tangential };
             });
         }
-        Some(Change { nodes, jumps, force })
+        Some(Change { nodes, jumps, force, row })
     }
 }
 
@@ -377,7 +383,7 @@ impl Problem<'_> {
         };
         let rows_of = |(change, observed): (&&Change, &ObservedInstant)| {
             let of_node = |node: usize, c: usize| std * change.nodes[node][c];
-            self.observation.column(observed.index, of_node, |_| std * change.force)
+            self.observation.column(observed.index, of_node, |_| std * change.row)
         };
         let rows: Vec<Dense> = changes.iter().zip(&self.observation.instants).map(rows_of).collect();
         let mut scaled = statistics.shift(&rows);
@@ -391,8 +397,9 @@ impl Problem<'_> {
         }
         let times = |jump: &Jump| Jump { normal: std * jump.normal, tangential: std * jump.tangential };
         let jumps = changes.iter().map(|change| change.jumps.iter().map(times).collect()).collect();
+        let forces = changes.iter().map(|change| std * change.force).collect();
         let law = self.law_change(constant, &evaluation.x, &scaled);
-        Some(ConstantEffect { constant: constant.clone(), scaled, law, jumps, rows })
+        Some(ConstantEffect { constant: constant.clone(), scaled, law, jumps, forces, rows })
     }
 
     /// Change of each parameter of the law for the change `scaled` of the unknowns at `x` and one of `constant`, where

@@ -20,6 +20,8 @@ pub struct Observation {
     pub pixel_size_mm: Option<f64>,
     /// The load cell, where it takes part in the fit.
     pub force: Option<LoadCell>,
+    /// The load cell, where it is only held against the prediction.
+    pub held: Option<LoadCell>,
     /// What the displacements are off when the camera is.
     pub camera: Vec<CameraChange>,
 }
@@ -55,6 +57,11 @@ impl Observation {
     /// The row of the force.
     pub fn force_row(&self) -> Option<usize> {
         self.force.as_ref().map(|_| 2 * self.nodes.len())
+    }
+
+    /// The load cell, whether it takes part or not.
+    pub fn cell(&self) -> Option<&LoadCell> {
+        self.force.as_ref().or(self.held.as_ref())
     }
 
     /// A column of rows at the instant number `index` of the border: `of_node` of each node and component, `of_force`

@@ -350,6 +350,7 @@ fn appraise(
     let refinement = statistics.zip(refined.as_ref()).map(|(statistics, refined)| Refinement {
         scaled: statistics.shift(&refined.change),
         jumps: refined.jumps.clone(),
+        forces: refined.forces.clone(),
         included: options.discretisation == Discretisation::Included,
     });
     let rotations = appraisal.turn(&slopes);
