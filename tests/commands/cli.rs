@@ -17,7 +17,8 @@ use sha2::{Digest, Sha256};
 /// is four standard deviations and more.
 const ROUNDED: f64 = 0.02;
 
-const PX_HEADER: &str = "node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px,exx,eyy,exy";
+const PX_HEADER: &str = "node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px,exx,eyy,exy,e1,e2,e1_direction_deg,\
+     shear_max,von_mises";
 const MODEL_HEADER: &str = "model_error_ux_px,model_error_uy_px,ux_point_px,uy_point_px,sigma_ux_point_px,sigma_uy_point_px,\
      is_point_value,mark";
 const MM_HEADER: &str = "x_mm,y_mm,ux_mm,uy_mm,sigma_ux_mm,sigma_uy_mm";

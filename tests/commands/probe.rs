@@ -369,6 +369,11 @@ fn a_record_at_another_rate_is_joined_by_time_and_gives_a_stress() {
         assert!((number(row, "sigma_stress_true_MPa") / sigma - 1.0).abs() < 1e-12 && sigma > 0.0, "{row:?}");
     }
     assert!(desk.files("out/curves").contains(&"extensometer1-stress_true_MPa-against-strain_true.svg".to_owned()));
+    desk.run(&format!("{drawn} --area 10x5 --curves=stress_MPa:strain_engineering --output one")).fine();
+    let ending = |kind: &str| format!("extensometer1-stress_MPa-against-strain_engineering.{kind}");
+    assert_eq!(desk.files("one/curves"), [ending("png"), ending("svg")]);
+    let refused = desk.run(&format!("{drawn} --curves=stress:strain --output one"));
+    refused.refused(&["no curve stress:strain; there are ", "strain_engineering:Force_N"]);
     desk.run(&format!("{drawn} --area 10x5x2")).refused(&["width by thickness in mm as 12.5x3"]);
     // The same from the camera's own times, and by a case file.
     desk.write("camera.txt", "file,time [ms]\nref.png,0\na.png,250\nb.png,500\nc.png,600\n");

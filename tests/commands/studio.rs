@@ -491,6 +491,17 @@ fn connections_that_ask_for_nothing_keep_no_one_out_for_long() {
 #[test]
 fn a_link_leads_no_result_out_of_the_folder() {
     let (desk, elsewhere) = (Desk::with_series(), Desk::new());
+    // Nor is a report read that lies elsewhere.
+    std::fs::create_dir(desk.path("done")).unwrap();
+    elsewhere.write("report.html", "theirs");
+    std::os::unix::fs::symlink(elsewhere.path("report.html"), desk.path("done/report.html")).unwrap();
+    let studio = Studio::of(&desk, &["--output", "done"]);
+    let answered = studio.get("report");
+    assert!(answered.status == 422 && answered.body.contains("no report yet"), "{answered:?}");
+    std::fs::remove_file(desk.path("done/report.html")).unwrap();
+    desk.write("done/report.html", "ours");
+    assert_eq!(studio.get("report").body, "ours");
+    drop(studio);
     std::os::unix::fs::symlink(elsewhere.path("there"), desk.path("out")).unwrap();
     desk.run("studio --output out").refused(&["--output out", "a link that leads out of the folder"]);
 }

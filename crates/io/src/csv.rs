@@ -1,6 +1,6 @@
 //! Displacement fields as tables of comma-separated values.
 
-use crate::field::{ElementMark, Measurement, StrainField, TensorStrain};
+use crate::field::{ElementMark, Invariant, Measurement, StrainField, TensorStrain};
 use crate::units::{PixelSize, Px};
 use ::csv::{ReaderBuilder, StringRecord, WriterBuilder};
 use std::io::{self, Read, Write};
@@ -107,8 +107,8 @@ pub struct DisplacementRow {
 
 /// Writes the measured nodes of `measurement`, a row each, under the comment lines `header`.
 ///
-/// The columns are `node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px`, with a `strain` also `exx,eyy,exy`
-/// (without dimension; empty where it is not known), with a window of nodes these again over the window with their
+/// The columns are `node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px`, with a `strain` also `exx,eyy,exy` and
+/// what follows from them ([`Invariant`]; all empty where it is not known), with a window of nodes these again over the window with their
 /// standard uncertainty (`exx_window` to `sigma_exy_window`) and, where it is known, their model error
 /// (`model_error_exx_window` to `model_error_exy_window`), and with a pixel size and the field in the `plane` (where
 /// nothing is known of the camera the same field) the six again in mm of the plane; where they are known,
@@ -181,14 +181,16 @@ pub fn write_displacements<W: Write>(
         }
     }
     let mut table = WriterBuilder::new().has_headers(false).from_writer(out);
-    let strain_columns = if strain.is_some() { &STRAIN_COLUMNS[..] } else { &[] };
+    let invariants = Invariant::ALL.map(Invariant::name);
+    let (strain_columns, invariant_columns) =
+        if strain.is_some() { (&STRAIN_COLUMNS[..], &invariants[..]) } else { (&[][..], &[][..]) };
     let window = strain.and_then(|strain| strain.window.as_ref());
     let window_columns = if window.is_some() { &WINDOW_COLUMNS[..] } else { &[] };
     let window_model = window.and_then(|window| Some((window, window.model_error.as_ref()?)));
     let window_model_columns = if window_model.is_some() { &WINDOW_MODEL_COLUMNS[..] } else { &[] };
     let mm_columns = if plane.is_some() { &MM_COLUMNS[..] } else { &[] };
     let model_columns = if measurement.model_error.is_some() { &MODEL_COLUMNS[..] } else { &[] };
-    let of_strains = strain_columns.iter().chain(window_columns).chain(window_model_columns);
+    let of_strains = strain_columns.iter().chain(invariant_columns).chain(window_columns).chain(window_model_columns);
     let columns = ["node", "zone"].iter().chain(&PX_COLUMNS).chain(of_strains).chain(mm_columns);
     let point_columns = if points.is_some() { &POINT_COLUMNS[..] } else { &[] };
     let mark_column = marks.as_ref().map(|_| &MARK_COLUMN);
@@ -209,8 +211,11 @@ pub fn write_displacements<W: Write>(
             ([x, y, ux, uy].map(mm), field.sigma[node].map(|v| mm(f64::from(v as f32)) as f32))
         });
         let strain = strain.map(|field| match field.nodes[node] {
-            Some(strain) => strain.components().map(|e| Some(e as f32)),
-            None => [None; 3],
+            Some(strain) => (
+                strain.components().map(|e| Some(e as f32)),
+                Invariant::ALL.map(|which| Some(strain.invariant(which) as f32)),
+            ),
+            None => ([None; 3], [None; 5]),
         });
         let window = window.map(|strains| match strains.nodes[node] {
             Some((strain, sigma)) => (strain.components().map(|e| Some(e as f32)), sigma.map(|e| Some(e as f32))),

@@ -1,6 +1,6 @@
 //! Displacement fields as files for ParaView: `.vtu` for one frame, `.pvd` for a series.
 
-use crate::field::{ElementMark, Measurement, Status, StrainField, TensorStrain, WindowStrains};
+use crate::field::{ElementMark, Invariant, Measurement, Status, StrainField, TensorStrain, WindowStrains};
 use crate::units::Px;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
@@ -40,7 +40,7 @@ pub enum VtkError {
 /// `sigma_point_px` and `is_point_value`, the displacement as a value at the point ([`crate::field::PointField`])
 /// beside the coefficient `displacement_px`; and `mark` of both, what is the matter with an element
 /// ([`ElementMark::code`]). With a `strain`, `strain_node` and `strain_element`: three components exx, eyy, exy without
-/// dimension, NaN where they are not known; with one over a window of nodes `strain_window`, `sigma_strain_window` and,
+/// dimension, NaN where they are not known, and of the nodes what follows from them ([`Invariant`]); with one over a window of nodes `strain_window`, `sigma_strain_window` and,
 /// where it is known, `model_error_strain_window` of the nodes. Field data: `converged`, 1 or 0, `status_code`
 /// ([`Status::code`]), and `dynamic_range_grey`. A comment at the head holds `title`, status, units and zone names.
 ///
@@ -112,6 +112,7 @@ pub fn write_vtu<W: Write>(
                 mark_nodes.as_ref().map_or(Ok(()), |mark| scalars(xml, "mark", mark))?;
                 scalars(xml, GHOSTS, &hidden)?;
                 strain.map_or(Ok(()), |strain| strains(xml, "strain_node", &strain.nodes))?;
+                strain.map_or(Ok(()), |strain| invariants(xml, &strain.nodes))?;
                 strain.and_then(|strain| strain.window.as_ref()).map_or(Ok(()), |strains| window(xml, strains))
             })?;
             inside(xml, "CellData", &[], |xml| {
@@ -231,6 +232,14 @@ fn strains<W: Write>(xml: &mut Writer<W>, name: &str, values: &[Option<TensorStr
         ("ComponentName2", names[2]),
     ];
     data_array(xml, name, &attributes, values.as_flattened())
+}
+
+/// Writes principal strains and what else follows from `values`, an array each.
+fn invariants<W: Write>(xml: &mut Writer<W>, values: &[Option<TensorStrain>]) -> io::Result<()> {
+    Invariant::ALL.into_iter().try_for_each(|which| {
+        let of = |strain: &Option<TensorStrain>| strain.map_or(f32::NAN, |strain| strain.invariant(which) as f32);
+        scalars(xml, which.name(), &values.iter().map(of).collect::<Vec<_>>())
+    })
 }
 
 fn one_value<W: Write, T: Scalar>(xml: &mut Writer<W>, name: &str, value: &[T; 1]) -> io::Result<()> {

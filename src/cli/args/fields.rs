@@ -129,9 +129,10 @@ pub struct ProbeArgs {
     #[command(flatten)]
     pub load_options: CaseLoad,
     /// Draw every quantity against each column of the load file, or without one against the frame number, as PNG
-    /// and SVG into DIR/curves.
-    #[arg(long, help_heading = "Quantities")]
-    pub curves: bool,
+    /// and SVG into DIR/curves; or those named, as in --curves=stress_MPa:strain_engineering,ux_px:frame.
+    #[arg(long, value_name = "Y:X,..", num_args = 0..=1, require_equals = true, default_missing_value = "",
+        value_parser = Curves::parse, help_heading = "Quantities")]
+    pub curves: Option<Curves>,
     /// Folder for `quantities/`. Default: DIR.
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
@@ -139,6 +140,20 @@ pub struct ProbeArgs {
     pub talk: Quiet,
     #[command(flatten)]
     pub drawn: Drawn,
+}
+
+/// Curves to draw, each a quantity and what it is drawn against; all there are where none is named.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Curves(pub Vec<[String; 2]>);
+
+impl Curves {
+    fn parse(text: &str) -> Result<Self, String> {
+        let pair = |text: &str| match text.split_once(':') {
+            Some((of, against)) => Ok([of, against].map(|name| name.trim().to_owned())),
+            None => Err(format!("'{text}' is not a quantity against another such as stress_MPa:strain_engineering")),
+        };
+        text.split(',').filter(|text| !text.is_empty()).map(pair).collect::<Result<_, _>>().map(Self)
+    }
 }
 
 /// Where `quadrille figures` takes a strain from.

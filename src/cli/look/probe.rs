@@ -8,6 +8,7 @@ use crate::io::case::{
     CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseRegion, over, parse_case,
     read_case,
 };
+use crate::io::quantities::{LineHistory, QuantitySummary};
 use crate::io::store::Store;
 use crate::report::Plot;
 use crate::report::correlation::{along_load, line_maps, turn_axes};
@@ -55,15 +56,9 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<Outcome> {
     let output = args.output.as_deref().unwrap_or(&args.run);
     let window = args.strain_window.map(|nodes| strain_window(Some(nodes))).transpose()?;
     let summary = write_of_store(&store, &asked, (args.strain, window), &wanted, output, |_, _| ())?;
-    if args.curves {
+    if let Some(wanted) = &args.curves {
         let bound = Record::of(store.header()).is_regularised();
-        let folder = output.join(CURVES);
-        draw_curves(&summary.curves, bound, &folder)?;
-        for line in &summary.lines {
-            for ([of, over], plot) in line_maps(line, summary.times.as_ref()) {
-                save(&folder, &line.name, [&of, &over], plot)?;
-            }
-        }
+        draw_curves(drawings(&summary, bound), &wanted.0, &output.join(CURVES))?;
     }
     if !args.talk.quiet {
         summary.remarks.iter().for_each(|remark| eprintln!("{}", Paint::PLAIN.remark(remark)));
@@ -72,26 +67,46 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<Outcome> {
     Ok(args.frames.outcome(n - n_fields))
 }
 
-/// Draws each curve of at least two points, with bars of two standard uncertainties, or of upper bounds of them.
-fn draw_curves(curves: &[Curve], bound: bool, folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|e| format!("{}: cannot be written: {e}", folder.display()))?;
+/// A drawing: whose it is, the quantity and what it is against, the plot.
+type Drawing = (String, [String; 2], Plot);
+
+/// Draws each curve of at least two points, with bars of two standard uncertainties, or of upper bounds of them; and
+/// lines over time.
+fn drawings(summary: &QuantitySummary, bound: bool) -> Vec<Drawing> {
     let of_bound = if bound { " (upper bounds: neighbouring nodes are bound to each other)" } else { "" };
     let bars = format!("bars: \u{b1}2 standard uncertainties{of_bound}");
-    for curve in curves.iter().filter(|curve| curve.x.len() > 1) {
-        let names = [curve.quantity.as_str(), curve.against.as_str()];
-        save(folder, &curve.name, names, Plot { notes: vec![bars.clone()], ..along_load(curve) })?;
-        if curve.is_against_load() {
-            save(folder, &curve.name, [names[1], names[0]], turn_axes(curve))?;
+    let of_curve = |curve: &Curve| {
+        let [of, against] = [&curve.quantity, &curve.against].map(String::clone);
+        let plot = Plot { notes: vec![bars.clone()], ..along_load(curve) };
+        let turned = curve.is_against_load().then(|| turn_axes(curve));
+        let turned = turned.map(|plot| (curve.name.clone(), [against.clone(), of.clone()], plot));
+        [(curve.name.clone(), [of, against], plot)].into_iter().chain(turned)
+    };
+    let of_line = |line: &LineHistory| {
+        let maps = line_maps(line, summary.times.as_ref());
+        maps.into_iter().map(|(names, plot)| (line.name.clone(), names, plot)).collect::<Vec<_>>()
+    };
+    let curves = summary.curves.iter().filter(|curve| curve.x.len() > 1).flat_map(of_curve);
+    curves.chain(summary.lines.iter().flat_map(of_line)).collect()
+}
+
+/// Writes the `wanted` of the `drawings`; all where none is named.
+fn draw_curves(drawings: Vec<Drawing>, wanted: &[[String; 2]], folder: &Path) -> Result<()> {
+    if let Some([of, against]) = wanted.iter().find(|&wanted| drawings.iter().all(|(_, names, _)| names != wanted)) {
+        let mut there: Vec<String> = drawings.iter().map(|(_, [of, against], _)| format!("{of}:{against}")).collect();
+        there.sort_unstable();
+        there.dedup();
+        return Err(format!("there is no curve {of}:{against}; there are {}", there.join(", ")).into());
+    }
+    std::fs::create_dir_all(folder).map_err(|e| format!("{}: cannot be written: {e}", folder.display()))?;
+    let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    for (name, names, plot) in drawings {
+        if wanted.is_empty() || wanted.contains(&names) {
+            let name: String = format!("{name}-{}", names.join("-against-")).chars().map(plain).collect();
+            save_picture(folder, &name, &plot.draw()?)?;
         }
     }
     Ok(())
-}
-
-/// Writes the picture of a curve, of the first quantity against the second.
-fn save(folder: &Path, name: &str, [of, against]: [&str; 2], plot: Plot) -> Result<()> {
-    let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
-    let name: String = format!("{name}-{of}-against-{against}").chars().map(plain).collect();
-    Ok(save_picture(folder, &name, &plot.draw()?)?)
 }
 
 /// What flags and case file ask for together. Without a case file, and when no flag asks for anything, what the case

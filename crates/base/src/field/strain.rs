@@ -207,6 +207,17 @@ pub enum Invariant {
 impl Invariant {
     /// All there are.
     pub const ALL: [Self; 5] = [Self::Major, Self::Minor, Self::Direction, Self::ShearMax, Self::VonMises];
+
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Major => "e1",
+            Self::Minor => "e2",
+            Self::Direction => "e1_direction_deg",
+            Self::ShearMax => "shear_max",
+            Self::VonMises => "von_mises",
+        }
+    }
 }
 
 impl TensorStrain {
