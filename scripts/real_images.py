@@ -158,9 +158,9 @@ class Proof:
             off = max(abs(found[k][c] - (0.0, 0.1)[k]) for k in range(2) for c in range(2))
             text = ", ".join(f"({u:.4f}, {v:.4f})" for u, v in found)
             if interpolation == "quintic":
-                self.say("s05-contrast", f"means, {interpolation}", text, "0.000 and 0.100 within 0.003 px", off < 0.003)
+                self.say("s05-contrast", f"means, {interpolation} (default)", text, "0.000 and 0.100 within 0.003 px", off < 0.003)
             else:
-                self.say("s05-contrast", f"means, {interpolation} (default)", text)
+                self.say("s05-contrast", f"means, {interpolation}", text)
 
     def open_hole(self):
         """Sample 12: against a local code, away from the hole."""

@@ -1,7 +1,7 @@
 // The reference: grey levels and the gradient of their spline at the pixels, row by row f, then both components of the gradient
 // in one word.
 // Twin: `gradients` in crates/dic/src/backend/cpu/gradient.rs. Thread = column of ROWS
-// pixels: going down, sums along four of five rows of coefficients stay in registers.
+// pixels: going down, sums along two of three rows of coefficients stay in registers.
 #import types
 #import gradient
 
@@ -16,9 +16,9 @@ struct Gradient {
     // Units of the gradient per grey level and px.
     per_unit: f32,
     unused: i32,
-    // Weights of value and derivative on the coefficients from two pixels before to two after.
-    value: array<vec4<f32>, 2>,
-    derivative: array<vec4<f32>, 2>,
+    // Weights of value and derivative on the coefficients from one pixel before to one after.
+    value: vec4<f32>,
+    derivative: vec4<f32>,
 }
 
 @group(0) @binding(0) var<uniform> gradient: Gradient;
@@ -35,25 +35,22 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if x >= gradient.width || first >= gradient.rows {
         return;
     }
-    // Value and slope along x of the rows from two above to one below.
-    var even = vec4<f32>(0.0);
-    var slope = vec4<f32>(0.0);
+    // Value and slope along x of the rows from one above to one below.
+    var even = vec3<f32>(0.0);
+    var slope = vec3<f32>(0.0);
     let end = min(first + ROWS, gradient.rows);
-    for (var y = first - 4; y < end; y++) {
-        let row = gradient.coefficients_first + (y + 2) * gradient.stride + x - 2;
-        let c = vec4<f32>(coefficients[row], coefficients[row + 1], coefficients[row + 2], coefficients[row + 3]);
-        let last = coefficients[row + 4];
-        let even_below = dot(gradient.value[0], c) + gradient.value[1].x * last;
-        let slope_below = dot(gradient.derivative[0], c) + gradient.derivative[1].x * last;
+    for (var y = first - 2; y < end; y++) {
+        let row = gradient.coefficients_first + (y + 1) * gradient.stride + x - 1;
+        let c = vec3<f32>(coefficients[row], coefficients[row + 1], coefficients[row + 2]);
+        even = vec3<f32>(even.yz, dot(gradient.value.xyz, c));
+        slope = vec3<f32>(slope.yz, dot(gradient.derivative.xyz, c));
         if y >= first {
             let at = gradient.reference_first + 2 * y * gradient.stride + x;
             reference[at] = bitcast<u32>(grey[gradient.grey_first + y * gradient.stride + x]);
             reference[at + gradient.stride] = packed_gradient(
-                gradient.per_unit * (dot(gradient.value[0], slope) + gradient.value[1].x * slope_below),
-                gradient.per_unit * (dot(gradient.derivative[0], even) + gradient.derivative[1].x * even_below),
+                gradient.per_unit * dot(gradient.value.xyz, slope),
+                gradient.per_unit * dot(gradient.derivative.xyz, even),
             );
         }
-        even = vec4<f32>(even.yzw, even_below);
-        slope = vec4<f32>(slope.yzw, slope_below);
     }
 }

@@ -94,7 +94,7 @@ class Correlator:
         threads: number of own threads; without it all correlators share one thread per core. Results do not depend on it.
         camera: how it sees the plane of the specimen, of which strains then are: a :class:`Camera`, or the name of its file. Places and
             displacements stay those of the image; :meth:`Camera.displacement_mm` maps them.
-        options: the keys of ``[correlation]`` in a case file: element_size_px=16, interpolation="cubic", brightness="auto",
+        options: the keys of ``[correlation]`` in a case file: element_size_px=16, interpolation="quintic", brightness="auto",
             start="previous", noise, regularisation, cutoff_px, strain="green-lagrange", strain_window, drop_textureless, ...
 
         Raises ImageError, OptionError, ZoneError, TextureError, DeviceError.

@@ -446,7 +446,7 @@ fn other_options_and_images_are_refused_with_the_difference_and_change_nothing()
         (inside.as_str(), "element_size_px: 16 in the store, 8 asked"),
         ("--roi 16,16,112,64", "zone: "),
         (&format!("{INSIDE} --start independent"), "start: \"previous\" in the store, \"independent\" asked"),
-        (&format!("{INSIDE} --interpolation quintic"), "interpolation: \"cubic\" in the store, \"quintic\" asked"),
+        (&format!("{INSIDE} --interpolation cubic"), "interpolation: \"quintic\" in the store, \"cubic\" asked"),
         (
             &format!("{INSIDE} --update-reference every 3"),
             "update_reference: \"never\" in the store, \"every 3\" asked",

@@ -174,7 +174,8 @@ fn slopes(pixel: &Pixel, gradient: [f64; 2]) -> [f64; 8] {
     std::array::from_fn(|i| psi[i / 2] * gradient[i % 2])
 }
 
-/// Correlates `deformed` with `reference` from `start` until the corrections are below 1e-9 px.
+/// Correlates `deformed`, through which goes a spline of `degree`, with `reference`, which has the gradient of the cubic
+/// one, from `start` until the corrections are below 1e-9 px.
 ///
 /// Gain and offset are fitted at every displacement, so that at the end both are at their optimum.
 pub fn correlate(
@@ -185,7 +186,7 @@ pub fn correlate(
     brightness: Brightness,
     mut displacement: Vec<[f64; 2]>,
 ) -> Vec<[f64; 2]> {
-    let f = Spline::new(reference, degree);
+    let f = Spline::new(reference, 3);
     let g = Spline::new(deformed, degree);
     let mut pixels = Vec::new();
     let mut matrix = Dense::zero(2 * mesh.n_nodes());

@@ -251,12 +251,11 @@ fn weights(interpolation: Interpolation, t: f64) -> (isize, Vec<f64>, f64) {
     }
 }
 
-/// Weights of value and slope at a pixel on the coefficients from two before to two after.
-fn at_pixel(interpolation: Interpolation) -> [[f64; 5]; 2] {
+/// Weights of value and slope of the reference at a pixel on the coefficients from one before to one after.
+fn at_pixel(interpolation: Interpolation) -> [[f64; 3]; 2] {
     match interpolation {
-        Interpolation::Cubic => [basis(3, 0.0), basis_slopes(3, 0.0)].map(|w| [0.0, w[0], w[1], w[2], 0.0]),
-        Interpolation::Quintic => [basis(5, 0.0), basis_slopes(5, 0.0)].map(|w| std::array::from_fn(|k| w[k])),
-        _ => [[0.0, 0.0, 1.0, 0.0, 0.0], [0.0, -0.5, 0.0, 0.5, 0.0]],
+        Interpolation::Cubic => [basis(3, 0.0), basis_slopes(3, 0.0)].map(|w| [w[0], w[1], w[2]]),
+        _ => [[0.0, 1.0, 0.0], [-0.5, 0.0, 0.5]],
     }
 }
 
@@ -340,19 +339,24 @@ struct Pixel {
 impl Evaluation {
     pub fn of(task: &Task<'_>) -> Self {
         let f = Map::grey(task.reference, task.grey_offset, task.level);
-        let spline = f.coefficients(task.interpolation);
-        let [value, slope] = at_pixel(task.interpolation);
+        // The gradient is that of the cubic spline, whatever spline interpolates the deformed image.
+        let of_gradient = match task.interpolation {
+            Interpolation::Quintic => Interpolation::Cubic,
+            interpolation => interpolation,
+        };
+        let spline = f.coefficients(of_gradient);
+        let [value, slope] = at_pixel(of_gradient);
         let gradient = (0..f.values.len()).map(|at| {
             let (x, y) = ((at % f.width) as isize, (at / f.width) as isize);
-            let sum = |wx: &[f64; 5], wy: &[f64; 5]| {
+            let sum = |wx: &[f64; 3], wy: &[f64; 3]| {
                 let mut sum = Sum::default();
                 for (j, wy) in wy.iter().enumerate() {
                     for (i, wx) in wx.iter().enumerate().filter(|(_, wx)| **wx * wy != 0.0) {
-                        let c = spline.beyond(x + i as isize - 2, y + j as isize - 2);
+                        let c = spline.beyond(x + i as isize - 1, y + j as isize - 1);
                         sum.add(Near { value: wx * wy * c.value, error: (wx * wy).abs() * c.error });
                     }
                 }
-                sum.along(5.0 + 5.0 + 4.0).in_units(f64::from(task.gradient_unit))
+                sum.along(3.0 + 3.0 + 4.0).in_units(f64::from(task.gradient_unit))
             };
             [sum(&slope, &value), sum(&value, &slope)]
         });

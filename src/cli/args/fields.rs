@@ -351,7 +351,7 @@ pub struct MetrologyArgs {
     /// assumed without any.
     #[arg(long, value_name = "S", allow_hyphen_values = true, help_heading = "Correlation")]
     pub noise: Option<f64>,
-    /// Interpolation of the correlation: cubic (default), quintic, keys, bilinear.
+    /// Interpolation of the correlation: quintic (default), cubic, keys, bilinear.
     #[arg(long, value_name = "NAME", help_heading = "Correlation")]
     pub interpolation: Option<Interpolation>,
     /// Standard uncertainty that the recommended elements reach, px.

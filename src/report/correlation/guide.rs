@@ -34,7 +34,7 @@ impl CorrelationReport<'_> {
         add("subset size", format!("{} (side of the elements)", self.length(self.element_px)));
         add("step size", format!("{} (distance of the nodes)", self.length(self.element_px)));
         add("subset shape function", "bilinear, continuous between elements (Q4)".into());
-        add("interpolation", options.interpolation.map_or("cubic", |interpolation| interpolation.name()).to_owned());
+        add("interpolation", options.interpolation.unwrap_or_default().name().to_owned());
         let brightness = options.brightness.map_or("auto".to_owned(), |brightness| brightness.to_string());
         let tolerance = significant(summary.tolerance_in_effect_px.unwrap_or(summary.tolerance_px), 2);
         let criterion = format!("sum of squared differences with gain and offset (brightness: {brightness})");

@@ -116,7 +116,7 @@ impl GreyTransfer {
 /// What is prepared for every level of a reference image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KernelOptions {
-    /// Interpolation of the deformed image, and gradient of the reference.
+    /// Interpolation of the deformed image, which says what the gradient of the reference is of.
     pub interpolation: Interpolation,
     /// Grey level subtracted from all images of the series, so that `f32` sums keep their digits.
     pub grey_offset: f32,
@@ -145,12 +145,17 @@ impl KernelOptions {
             brightness,
         }
     }
+
+    /// The same for the image that the gradient is taken of.
+    pub(crate) fn of_gradient(self) -> Self {
+        Self { interpolation: self.interpolation.of_gradient(), ..self }
+    }
 }
 
 /// The unit in which gradients of an image are kept as whole 16-bit numbers, whose grey levels have this `range`: the
-/// smallest power of two (which multiplies without loss) of which 32 767 are at least twice the range. At a pixel a
-/// spline rises by 1.5 of the range at most (quintic; cubic 1.1); on the border of an image that is black and white by
-/// turns by 2.15 of it, which end at 2. What rounding takes is half a unit, 1/16 000 of the range at most: in 8 bits a
+/// smallest power of two (which multiplies without loss) of which 32 767 are at least twice the range. At a pixel the
+/// cubic spline rises by 1.1 of the range at most, on the border of an image that is black and white by turns by 1.74 of
+/// it. What rounding takes is half a unit, 1/16 000 of the range at most: in 8 bits a
 /// hundredth of what noise of one grey level makes of a gradient.
 fn gradient_unit(range: f32) -> f32 {
     let exponent = (2.0 * f64::from(range) / 32_767.0).log2().ceil();

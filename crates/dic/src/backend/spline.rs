@@ -113,19 +113,15 @@ pub(crate) fn taps(interpolation: Interpolation, t: f32) -> ([f32; 6], usize) {
     }
 }
 
-/// Weights, on the coefficients two pixels before to two after, of the value and of the derivative at a
-/// pixel.
-pub(crate) fn at_pixel(interpolation: Interpolation) -> ([f32; 5], [f32; 5]) {
-    match interpolation {
-        Interpolation::Cubic => ([0.0, 1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0, 0.0], [0.0, -0.5, 0.0, 0.5, 0.0]),
-        Interpolation::Quintic => (
-            [1.0 / 120.0, 26.0 / 120.0, 66.0 / 120.0, 26.0 / 120.0, 1.0 / 120.0],
-            [-1.0 / 24.0, -10.0 / 24.0, 0.0, 10.0 / 24.0, 1.0 / 24.0],
-        ),
-        // The derivative of Keys' kernel at a pixel is the central difference; bilinear has none, and
-        // takes the same.
-        Interpolation::Keys | Interpolation::Bilinear => ([0.0, 0.0, 1.0, 0.0, 0.0], [0.0, -0.5, 0.0, 0.5, 0.0]),
-    }
+/// Weights, on the coefficients of [`Interpolation::of_gradient`] one pixel before to one after, of the value and of the
+/// derivative at a pixel.
+pub(crate) fn at_pixel(interpolation: Interpolation) -> ([f32; 3], [f32; 3]) {
+    let value = match interpolation.of_gradient() {
+        Interpolation::Cubic | Interpolation::Quintic => [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0],
+        // The derivative of Keys' kernel at a pixel is the central difference; bilinear has none, and takes the same.
+        Interpolation::Keys | Interpolation::Bilinear => [0.0, 1.0, 0.0],
+    };
+    (value, [-0.5, 0.0, 0.5])
 }
 
 /// Weights of the samples in the first causal value, `sum_k z^k s(-k)` of the signal continued through its
@@ -201,15 +197,15 @@ mod tests {
     }
 
     #[test]
-    fn value_and_derivative_at_a_pixel_are_those_of_the_spline() {
-        for (interpolation, degree) in [(Interpolation::Cubic, 3), (Interpolation::Quintic, 5)] {
+    fn value_and_derivative_at_a_pixel_are_those_of_the_cubic_spline() {
+        for interpolation in [Interpolation::Cubic, Interpolation::Quintic] {
             let (value, derivative) = at_pixel(interpolation);
-            for k in 0..5 {
-                let x = 2.0 - k as f64; // the pixel seen from tap k
+            for k in 0..3 {
+                let x = 1.0 - k as f64; // the pixel seen from tap k
                 let h = 1e-4; // truncation h^2, round-off 1e-16 / h: both far below f32
-                let slope = (b_spline(degree, x + h) - b_spline(degree, x - h)) / (2.0 * h);
-                assert!((f64::from(value[k]) - b_spline(degree, x)).abs() < 1e-7);
-                assert!((f64::from(derivative[k]) - slope).abs() < 1e-7, "{degree} {k} {slope}");
+                let slope = (b_spline(3, x + h) - b_spline(3, x - h)) / (2.0 * h);
+                assert!((f64::from(value[k]) - b_spline(3, x)).abs() < 1e-7);
+                assert!((f64::from(derivative[k]) - slope).abs() < 1e-7, "{k} {slope}");
             }
         }
     }

@@ -214,7 +214,7 @@ impl<B: Backend> Correlator<B> {
         let smoothed = smoothed.map(|smoothed| &smoothed.image);
         let rounding = rounding(&reference);
         let fine = fine * (options.n_references.max(1) as f64).sqrt();
-        let mut frame = backend.frame(reference.clone(), &kernel)?;
+        let mut frame = backend.frame(reference.clone(), &kernel.of_gradient())?;
         let Finest { level, spread, seen, dropped, held } =
             finest_level(&backend, &mut frame, (&laid, smoothed), &noise, &noise_gain, &kernel, &options)?;
         let bend_test = BendTest::new(&level.mesh, &level.pattern, &level.moments, smoothed.is_some());

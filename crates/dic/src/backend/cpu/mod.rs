@@ -80,10 +80,12 @@ impl CpuBackend {
         let KernelOptions { interpolation, gradient_unit, .. } = *options;
         // Nothing needs those of a reference any more.
         let own = frame.coefficients.get_mut(level).and_then(Option::take);
+        let by = interpolation.of_gradient();
+        let own = own.filter(|_| frame.options.interpolation == by);
         let coefficients = match (smoothed, own) {
-            (Some(image), _) => self.frame(image.clone(), options)?.filter(self, level)?,
+            (Some(image), _) => self.frame(image.clone(), options)?.filter(self, level, by)?,
             (None, Some(coefficients)) => coefficients,
-            (None, None) => frame.filter(self, level)?,
+            (None, None) => frame.filter(self, level, by)?,
         };
         let (coefficients, at_pixel) = (coefficients.view(), AtPixel::new(interpolation, gradient_unit));
         let narrow = map.elements().iter().all(|e| e.nx <= 8);
@@ -147,14 +149,19 @@ impl CpuFrame {
             self.coefficients.resize_with(level + 1, || None);
         }
         if self.coefficients[level].is_none() {
-            self.coefficients[level] = Some(self.filter(backend, level)?);
+            self.coefficients[level] = Some(self.filter(backend, level, self.options.interpolation)?);
         }
         Ok(self.coefficients[level].as_ref().expect("made above"))
     }
 
-    /// The coefficients of a level, made anew.
-    fn filter(&mut self, backend: &CpuBackend, level: usize) -> Result<Plane, BackendError> {
-        let KernelOptions { grey_offset: offset, interpolation, .. } = self.options;
+    /// The coefficients of a level for an interpolation, made anew.
+    fn filter(
+        &mut self,
+        backend: &CpuBackend,
+        level: usize,
+        interpolation: Interpolation,
+    ) -> Result<Plane, BackendError> {
+        let offset = self.options.grey_offset;
         let (isa, pool) = (backend.isa, &backend.pool);
         if level > 0 {
             let grey = self.grey.level(level);

@@ -129,8 +129,8 @@ mirror! {
         reference_first: i32,
         per_unit: f32,
         unused: i32,
-        value: [[f32; 4]; 2],
-        derivative: [[f32; 4]; 2],
+        value: [f32; 4],
+        derivative: [f32; 4],
     }
     Tally {
         n_elements: u32,

@@ -134,6 +134,21 @@ impl GpuFrame {
         Ok(self.levels[level].coefficients.clone().expect("made above"))
     }
 
+    /// Those for any interpolation, kept where it is that of the frame.
+    fn coefficients_for(
+        &mut self,
+        gpu: &Gpu,
+        level: usize,
+        interpolation: Interpolation,
+    ) -> Result<Arc<Plane>, BackendError> {
+        if interpolation == self.options.interpolation {
+            return self.coefficients(gpu, level);
+        }
+        self.grey(gpu, level)?;
+        let grey = self.levels[level].grey.as_ref().expect("made above");
+        Ok(Arc::new(coefficients(gpu, grey, interpolation, &mut self.traffic)?))
+    }
+
     /// Gives back all that is on the device.
     pub(super) fn release(&mut self) {
         self.levels.clear();
@@ -323,11 +338,11 @@ impl Reference {
         options: &KernelOptions,
         smoothed: Option<&Arc<Image>>,
     ) -> Result<Self, BackendError> {
-        let KernelOptions { interpolation, gradient_unit, .. } = *options;
+        let KernelOptions { interpolation, gradient_unit, .. } = options.of_gradient();
         frame.grey(gpu, level)?;
         let coefficients = match smoothed {
-            Some(image) => GpuFrame::new(gpu, image.clone(), options)?.coefficients(gpu, level)?,
-            None => frame.coefficients(gpu, level)?,
+            Some(image) => GpuFrame::new(gpu, image.clone(), &options.of_gradient())?.coefficients(gpu, level)?,
+            None => frame.coefficients_for(gpu, level, interpolation)?,
         };
         frame.forget_coefficients(level);
         let grey = frame.levels[level].grey.as_ref().expect("made above");
@@ -336,14 +351,13 @@ impl Reference {
         let buffer = gpu.storage((REFERENCE_BYTES * stride * height) as u64, &what)?;
         let reference = Self { buffer, stride, width, height };
         let (value, derivative) = at_pixel(interpolation);
-        let padded =
-            |weights: [f32; 5]| [[weights[0], weights[1], weights[2], weights[3]], [weights[4], 0.0, 0.0, 0.0]];
+        let padded = |[before, at, after]: [f32; 3]| [before, at, after, 0.0];
         let pipeline = gpu.pipeline(Kernel::Gradient, interpolation, 0);
         let mut recorder = gpu.record();
-        for rows in windows(height, 2, 2, reference.rows_seen(gpu)).ok_or_else(|| too_wide(gpu, width))? {
+        for rows in windows(height, 1, 1, reference.rows_seen(gpu)).ok_or_else(|| too_wide(gpu, width))? {
             let (from, to) = (rows.start as isize, rows.end as isize);
             let (grey_part, grey_origin) = grey.rows(from, to);
-            let (coefficients_part, coefficients_origin) = coefficients.rows(from - 2, to + 2);
+            let (coefficients_part, coefficients_origin) = coefficients.rows(from - 1, to + 1);
             let skip = (rows.start * stride) as i32;
             let constants = layout::Gradient {
                 width: width as i32,
@@ -465,12 +479,11 @@ mod tests {
                 let what = format!("{}, {width} x {height}", interpolation.name());
                 let grey = frame.grey(gpu, 0).unwrap();
                 let (stride, grey) = (grey.stride, fetched::<f32>(gpu, &grey.buffer));
-                let plane = frame.coefficients(gpu, 0).unwrap();
-                let coefficients = fetched::<f32>(gpu, &plane.buffer);
-                let at = |x: isize, y: isize| {
-                    let place = (y + BORDER as isize) * stride as isize + x + BORDER as isize;
-                    f64::from(coefficients[place as usize])
-                };
+                let [plane, of_gradient] = [interpolation, interpolation.of_gradient()]
+                    .map(|of| fetched::<f32>(gpu, &frame.coefficients_for(gpu, 0, of).unwrap().buffer));
+                let place =
+                    |x: isize, y: isize| ((y + BORDER as isize) * stride as isize + x + BORDER as isize) as usize;
+                let at = |x: isize, y: isize| f64::from(plane[place(x, y)]);
                 // Continued through the outermost coefficients, as far as the images reach.
                 let last = [width as isize - 1, height as isize - 1];
                 for k in 1..=BORDER as isize {
@@ -487,18 +500,19 @@ mod tests {
                 let reference = Reference::new(gpu, &mut frame, 0, &options, None).unwrap();
                 let words = fetched::<u32>(gpu, &reference.buffer);
                 let (value, derivative) = at_pixel(interpolation);
-                let sum = |x: usize, y: usize, along_x: [f32; 5], along_y: [f32; 5]| {
+                let sum = |x: usize, y: usize, along_x: [f32; 3], along_y: [f32; 3]| {
                     let term = |(j, wy): (usize, f32)| {
                         let row = along_x.iter().enumerate().map(|(i, wx)| {
-                            f64::from(*wx) * at(x as isize + i as isize - 2, y as isize + j as isize - 2)
+                            let at = place(x as isize + i as isize - 1, y as isize + j as isize - 1);
+                            f64::from(*wx) * f64::from(of_gradient[at])
                         });
                         f64::from(wy) * row.sum::<f64>()
                     };
                     along_y.into_iter().enumerate().map(term).sum::<f64>()
                 };
                 // Coefficients of grey levels of +- 128 reach some 2000 (quintic: gain 10 per axis); a filter of two
-                // poles and a sum of 25 products round by some 30 half steps, and cut off what is below 2e-6 of them.
-                let largest = coefficients.iter().fold(0.0f32, |all, c| all.max(c.abs()));
+                // poles and a sum of 9 products round by some 30 half steps, and cut off what is below 2e-6 of them.
+                let largest = plane.iter().fold(0.0f32, |all, c| all.max(c.abs()));
                 let allowed = f64::from(32.0 * f32::EPSILON * largest);
                 for y in 0..height {
                     for x in 0..width {

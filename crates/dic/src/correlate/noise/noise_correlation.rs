@@ -354,7 +354,7 @@ impl Block {
     ) -> Option<(Self, [Vec<f32>; 2])> {
         let low = corner.map(|v| v as isize);
         let (offset, high) = (of.kernel.grey_offset, low.map(|v| v + side as isize));
-        let patch = Patch::new(of.texture, offset, low, high, of.kernel.interpolation);
+        let patch = Patch::new(of.texture, offset, low, high, of.kernel.interpolation.of_gradient());
         let pixels = || (0..side * side).map(|k| [corner[0] + k % side, corner[1] + k / side]);
         let grey: Vec<f32> = pixels().map(|[x, y]| of.image.grey(x, y) - offset).collect();
         let gradient: Vec<[f32; 2]> = pixels().map(|pixel| patch.gradient(pixel)).collect();

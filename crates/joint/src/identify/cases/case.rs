@@ -51,8 +51,8 @@ pub struct Case<'a> {
 }
 
 /// The share `v` of a deformed image's noise that acts through the noise of the reference's gradient: its mean over
-/// sub-pixel displacements along both axes, cubic interpolation (1 at whole pixels, 0.57 halfway).
-const NOISE_PASSED: f64 = 0.77;
+/// sub-pixel displacements along both axes, quintic interpolation (1 at whole pixels, 0.74 halfway).
+const NOISE_PASSED: f64 = 0.87;
 
 impl<'a> Case<'a> {
     /// The joint of a case.
