@@ -19,6 +19,9 @@ const ENOUGH: usize = 16;
 const SIGNIFICANT: f64 = 3.0;
 /// Elements that are enough to tell the noise of a zone by; of more, every second, third, .. is taken.
 const SAMPLE: usize = 1024;
+/// Of an element without texture the residual is weighed by this share of its zone's: by its own everything would be
+/// a displacement.
+const LEAST_TEXTURE: f64 = 0.01;
 /// Elements beyond this many standard deviations do not say what the noise is.
 const OUTLYING: f64 = 3.5;
 
@@ -153,13 +156,18 @@ impl MisfitTest {
                 sorted.sort_by(f64::total_cmp);
                 noise.constant = noise.constant.min(sorted[(sorted.len() - 1) / 2]);
             }
+            let mean = |of: &dyn Fn(&ElementTexture) -> f64| {
+                seen.iter().map(|one| of(&self.texture[one.element])).sum::<f64>() / seen.len().max(1) as f64
+            };
+            let least_power = LEAST_TEXTURE * mean(&|of| 0.5 * (of.gradient[0] + of.gradient[1]));
+            let least_variance = LEAST_TEXTURE * mean(&|of| of.variance);
             for one in &seen {
                 let expected = noise.at(one) + noise.by_texture * one.x;
                 let power = 0.5 * (self.texture[one.element].gradient[0] + self.texture[one.element].gradient[1]);
-                let texture = (power - self.gradient_noise_gain * noise.at(one)).max(0.25 * power);
+                let texture = (power - self.gradient_noise_gain * noise.at(one)).max(0.25 * power).max(least_power);
                 let excess = one.gain * (one.y - expected).max(0.0);
                 let px = (excess / texture.max(f64::MIN_POSITIVE)).sqrt();
-                let share = excess / self.texture[one.element].variance.max(f64::MIN_POSITIVE);
+                let share = excess / self.texture[one.element].variance.max(least_variance).max(f64::MIN_POSITIVE);
                 let ratio = one.y / expected.max(f64::MIN_POSITIVE);
                 let is_beyond = ratio > chi_square_ratio(by_chance, noise.spread / one.n.sqrt());
                 looks[one.element] = Some(Look { ratio, px, share, is_beyond });
