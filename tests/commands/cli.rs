@@ -194,7 +194,8 @@ fn a_table_names_version_units_and_frame_of_reference_and_measures_the_exact_dis
         let head = comments(&table);
         let version = format!("# quadrille {}", env!("CARGO_PKG_VERSION"));
         assert!(head.starts_with(&version), "{head}");
-        for wanted in ["lengths in px", "y down", "reference: ref.png", "status: converged", "origin", "16 px, quintic"] {
+        for wanted in ["lengths in px", "y down", "reference: ref.png", "status: converged", "origin", "16 px, quintic"]
+        {
             assert!(head.contains(wanted), "'{wanted}' is missing in {head}");
         }
         assert_eq!(body(&table).lines().next().unwrap(), format!("{PX_HEADER},{MODEL_HEADER}"));

@@ -306,7 +306,7 @@ fn the_computed_force_is_as_uncertain_as_its_errors_say() {
         let draws = 12;
         let of_seed = |seed: u64| -> f64 {
             let set = Set { seed, measurement: &measurement, noisy_border, ..with_force(force) };
-            let found = fitted(&set, |case, found| computed(case, found));
+            let found = fitted(&set, computed);
             let z = |([value, std], truth): (&[f64; 2], &f64)| ((value - WIDTH * truth) / std).powi(2);
             found.iter().zip(&pulled().forces).map(z).sum::<f64>() / 8.0
         };

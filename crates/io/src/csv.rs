@@ -213,7 +213,7 @@ pub fn write_displacements<W: Write>(
         let strain = strain.map(|field| match field.nodes[node] {
             Some(strain) => (
                 strain.components().map(|e| Some(e as f32)),
-                Invariant::ALL.map(|which| Some(strain.invariant(which) as f32)),
+                Invariant::ALL.map(|which| Some(as_stored(strain).invariant(which) as f32)),
             ),
             None => ([None; 3], [None; 5]),
         });
@@ -239,6 +239,11 @@ pub fn write_displacements<W: Write>(
         table.serialize((node, zone, px, strains, mm, model, point, mark.as_slice()))?;
     }
     table.flush()
+}
+
+/// A strain as a store holds it: what follows from it in the table of a stored frame is then that of the run.
+pub(crate) fn as_stored(strain: TensorStrain) -> TensorStrain {
+    TensorStrain::of_components(strain.components().map(|e| f64::from(e as f32)))
 }
 
 /// Reads a table that [`write_displacements`] wrote. Columns are found by their names; others are passed over.

@@ -1,5 +1,6 @@
 //! Displacement fields as files for ParaView: `.vtu` for one frame, `.pvd` for a series.
 
+use crate::csv::as_stored;
 use crate::field::{ElementMark, Invariant, Measurement, Status, StrainField, TensorStrain, WindowStrains};
 use crate::units::Px;
 use base64::Engine as _;
@@ -237,7 +238,8 @@ fn strains<W: Write>(xml: &mut Writer<W>, name: &str, values: &[Option<TensorStr
 /// Writes principal strains and what else follows from `values`, an array each.
 fn invariants<W: Write>(xml: &mut Writer<W>, values: &[Option<TensorStrain>]) -> io::Result<()> {
     Invariant::ALL.into_iter().try_for_each(|which| {
-        let of = |strain: &Option<TensorStrain>| strain.map_or(f32::NAN, |strain| strain.invariant(which) as f32);
+        let of =
+            |strain: &Option<TensorStrain>| strain.map_or(f32::NAN, |strain| as_stored(strain).invariant(which) as f32);
         scalars(xml, which.name(), &values.iter().map(of).collect::<Vec<_>>())
     })
 }
