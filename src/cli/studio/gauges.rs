@@ -25,7 +25,8 @@ pub(super) fn readings(store: &Store, folder: &Path, from: usize) -> Result<Valu
     let asked = CaseQuantities { options, extensometers, openings, ..CaseQuantities::default() };
     let camera = &Rectifier::new(header.camera()?, store.mesh())?;
     let gauges = resolve(&asked, header.strain, header.pixel_size, camera)?;
-    let mm = header.pixel_size.map(|size| size.mm_per_px());
+    // A length in mm is also as uncertain as the scale.
+    let mm = header.pixel_size.map(|size| [size.mm_per_px(), header.pixel_size_std()]);
     let is_bound = Record::of(header).is_regularised();
     let mut noise: Option<NodalNoise> = None;
     let (mut rows, mut last) = (Vec::new(), from);
@@ -62,9 +63,12 @@ fn names(gauges: &Quantities) -> impl Iterator<Item = &str> {
 }
 
 /// Of each gauge its elongation with its standard uncertainty, and the same of its engineering strain where it has one.
-fn values(gauges: &Quantities, drawn: Option<&FrameQuantities>, mm: Option<f64>) -> Vec<Option<[Option<f64>; 4]>> {
+fn values(gauges: &Quantities, drawn: Option<&FrameQuantities>, mm: Option<[f64; 2]>) -> Vec<Option<[Option<f64>; 4]>> {
     let Some(drawn) = drawn else { return names(gauges).map(|_| None).collect() };
-    let length = |of: Read| [of.value, of.sigma].map(|px| Some(px * mm.unwrap_or(1.0)));
+    let length = |of: Read| {
+        let [size, relative_std] = mm.unwrap_or([1.0, 0.0]);
+        [of.value, of.sigma.hypot(relative_std * of.value)].map(|px| Some(px * size))
+    };
     let of_extensometer = drawn.extensometers.iter().map(|read| {
         let ([elongation, sigma], strain) = read.as_ref().map(|read| (length(read.elongation), read.engineering))?;
         Some([elongation, sigma, Some(strain.value), Some(strain.sigma)])
