@@ -75,7 +75,7 @@ pub use quadrille_dic::{backend, correlate, metrology, synth};
 #[doc(inline)]
 pub use quadrille_io as io;
 #[doc(inline)]
-pub use quadrille_joint::{identify, mechanics};
+pub use quadrille_joint::{identify, mechanics, reduction};
 
 #[cfg(feature = "cli")]
 pub mod cli;

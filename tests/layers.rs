@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 mod circles;
 
 /// Ranks of the modules: a module names modules of lower rank only.
-const RANKS: [(&str, u8); 23] = [
+const RANKS: [(&str, u8); 24] = [
     ("units", 0),
     ("clock", 0),
     ("digest", 0),
@@ -25,6 +25,7 @@ const RANKS: [(&str, u8); 23] = [
     ("synth", 5),
     ("correlate", 6),
     ("identify", 7),
+    ("reduction", 6),
     ("mechanics", 6),
     ("metrology", 7),
     ("virtual_test", 7),

@@ -11,8 +11,8 @@ and displacements are in px of the reference image, x to the right, y down, with
 grey levels are those of the images; strains have no unit. What was not measured is NaN.
 
 Whole runs into a folder, to the same bits as the program ``quadrille``: :func:`run`, :func:`identify`, :func:`simulate`,
-:func:`tournament`, :func:`virtual_test`, :func:`calibrate`; :func:`command` for the rest of the program. On images alone:
-:func:`metrology`. Every error is a :class:`QuadrilleError`. ``MARKS`` are the names of :attr:`Field.marks`, an ``Event`` is what
+:func:`reduce`, :func:`tournament`, :func:`virtual_test`, :func:`calibrate`; :func:`command` for the rest of the program. On
+images alone: :func:`metrology`. Every error is a :class:`QuadrilleError`. ``MARKS`` are the names of :attr:`Field.marks`, an ``Event`` is what
 happens in a run, ``__version__`` is that of the program, too.
 """
 
@@ -46,6 +46,7 @@ from ._runs import (
     identify,
     metrology,
     open_store,
+    reduce,
     run,
     simulate,
     to_xarray,
@@ -83,6 +84,7 @@ __all__ = [
     "metrology",
     "open_store",
     "read_image",
+    "reduce",
     "run",
     "simulate",
     "to_xarray",

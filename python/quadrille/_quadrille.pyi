@@ -20,6 +20,7 @@ __all__ = [
     "identify",
     "metrology",
     "read_image",
+    "reduce",
     "run_case",
     "run_series",
     "simulate",
@@ -128,6 +129,7 @@ def virtual_test(
     overwrite: bool,
     threads: int | None,
 ) -> tuple[str, dict[str, Any]]: ...
+def reduce(case: _Path, output: _Path, *, overwrite: bool) -> tuple[str, dict[str, Any]]: ...
 def simulate(
     case: _Path, output: _Path, *, overwrite: bool, threads: int | None, on_event: _Watcher
 ) -> tuple[str, dict[str, Any]]: ...

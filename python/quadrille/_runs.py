@@ -200,6 +200,16 @@ def identify(
     return Result(outcome, Path(output), record)
 
 
+def reduce(case: Path_, output: Path_, *, overwrite: bool = False) -> Result:
+    """J, energy release rates by the standards and the traction from images and loads, as ``quadrille reduce``; the record is
+    reduction.json.
+
+    Raises CaseError, StoreError, FolderError, QuadrilleError.
+    """
+    outcome, record = _quadrille.reduce(case, output, overwrite=overwrite)
+    return Result(outcome, Path(output), record)
+
+
 def virtual_test(
     output: Path_,
     *,

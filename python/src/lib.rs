@@ -27,7 +27,8 @@ mod _quadrille {
     use super::images::read_image;
     #[pymodule_export]
     use super::runs::{
-        calibrate, command, devices, identify, metrology, run_case, run_series, simulate, tournament, virtual_test,
+        calibrate, command, devices, identify, metrology, reduce, run_case, run_series, simulate, tournament,
+        virtual_test,
     };
 
     /// Version of the engine, that of the program.

@@ -190,6 +190,15 @@ pub fn virtual_test<'py>(
     })
 }
 
+/// A test of the standards, reduced: see `quadrille.reduce`.
+#[pyfunction]
+#[pyo3(signature = (case, output, *, overwrite))]
+pub fn reduce<'py>(py: Python<'py>, case: PathBuf, output: PathBuf, overwrite: bool) -> PyResult<Came<'py>> {
+    ran(py, Some(1), None, |_, _, _| {
+        quadrille::run::reduce(&case, &output, overwrite).map(|record| (record, Outcome::Fine))
+    })
+}
+
 /// The forward model of a joint: see `quadrille.simulate`.
 #[pyfunction]
 #[pyo3(signature = (case, output, *, overwrite, threads, on_event))]

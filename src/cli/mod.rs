@@ -91,6 +91,7 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
         args::Command::Simulate(args) => identify::simulate::run(&args, paint),
         args::Command::Identify(args) => identify::fit::run(&args, paint),
         args::Command::Run(args) => identify::case::run(&args, paint),
+        args::Command::Reduce(args) => identify::reduce::run(&args, paint),
         args::Command::Make(args) => run_make(&args),
         args::Command::About(args) => about::run(&args),
     };

@@ -27,6 +27,7 @@ mod picture;
 pub mod plot;
 mod profile;
 mod raster;
+pub mod reduction;
 mod scale;
 mod scene;
 pub mod summary;
@@ -48,6 +49,7 @@ pub use mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};
 pub use metrology::metrology_page;
 pub use picture::{Area, Picture};
 pub use plot::{Axis, Plot, PlotSeries, Style};
+pub use reduction::{ReductionRecord, Source};
 pub use scale::Palette;
 
 use crate::field::QuantityError;

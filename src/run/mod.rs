@@ -33,7 +33,7 @@ pub use calibration::{Calibrated, Calibrating, calibrate};
 pub use folder::run_folder::{RunFolder, correlation_in};
 pub use frames::busy::Busy;
 pub use joint::{
-    CaseRun, compare_laws, identify, identify_several, run_case, simulate, virtual_test, write_virtual_test,
+    CaseRun, compare_laws, identify, identify_several, reduce, run_case, simulate, virtual_test, write_virtual_test,
 };
 pub use look::{Comparison, Explored, ExplorerPage, FitOfRun, Off, PlacedModel, compare, model_less_measured};
 pub use plan::{

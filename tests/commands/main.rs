@@ -24,6 +24,7 @@ mod maps;
 mod metrology;
 mod pages;
 mod probe;
+mod reduce;
 mod restart;
 mod run;
 mod run_library;

@@ -187,7 +187,7 @@ fn a_section_for_another_command_is_refused_with_that_command() {
     let parse = |text: &str| CaseDocument::parse(text, Path::new("case.toml")).unwrap();
     let said = parse("[images]\npage = 1\n[fit]\nparameters = []").correlation().unwrap_err().to_string();
     let wanted = "case.toml, line 3: [fit] is for quadrille simulate, identify, run; it is not taken by: correlate, \
-                  watch, slurm, probe";
+                  watch, slurm, probe, reduce";
     assert_eq!(said, wanted);
     let said = parse("mesh.columns = 1\n[images]\npage = 1").joint().unwrap_err().to_string();
     assert!(said.contains("line 2: [images] is for quadrille correlate"), "{said}");

@@ -18,6 +18,7 @@ mod law;
 mod lists;
 mod quantities;
 mod reader;
+mod reduction;
 mod schema;
 mod section;
 mod setup;
@@ -40,6 +41,7 @@ pub use quantities::{
     CaseRegion, CrackFlags, Decimal,
 };
 pub use reader::Reader;
+pub use reduction::{CaseLayout, CaseReduction};
 pub use schema::{CaseLaws, LawKey, LawKeys, case_reference, case_schema, schema_of};
 pub use section::{complete, over};
 pub use setup::CaseReport;
@@ -101,6 +103,9 @@ pub struct CaseFile {
     /// Opening and sliding between two zones.
     #[serde(rename = "opening", default, skip_serializing_if = "Vec::is_empty")]
     pub openings: Vec<CaseOpening>,
+    /// A test of the standards, reduced to J, energy release rates and a traction by `quadrille reduce`
+    /// (docs/reduction.md).
+    pub reduction: Option<CaseReduction>,
     /// What the program cannot know of the test, for the reporting table of `report.html`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub report: CaseReport,

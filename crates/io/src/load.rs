@@ -139,6 +139,16 @@ pub fn read_load(path: &Path, n_frames: usize) -> Result<LoadTable, LoadError> {
     load_of(&Source::read(path, None)?, path, n_frames)
 }
 
+/// Reads the table `path` by itself: each row is a frame, in order or by its column `frame`.
+///
+/// # Errors
+/// A file that cannot be read, and those of [`parse_load`].
+pub fn read_table(path: &Path) -> Result<LoadTable, LoadError> {
+    let source = Source::read(path, None)?;
+    let last = RawTable::parse(&source, path, Wanted::All)?.last_frame();
+    load_of(&source, path, last)
+}
+
 /// Reads the record `path`, whose column `time` says when its rows were taken, at the `times` of the frames. See
 /// [`parse_record`].
 ///

@@ -1,5 +1,5 @@
-//! The models of quadrille: the mechanics of bonded joints, and the identification of their cohesive law from measured
-//! fields.
+//! The models of quadrille: the mechanics of bonded joints, the identification of their cohesive law from measured
+//! fields, and the reduction of tests without a model.
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used))]
 
@@ -8,3 +8,4 @@ pub use quadrille_io as io;
 
 pub mod identify;
 pub mod mechanics;
+pub mod reduction;

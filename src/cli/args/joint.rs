@@ -89,6 +89,25 @@ pub struct SimulateArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = "Example of a case file:\n  \
+    [reduction]\n  layout = \"dcb\"\n  run = \"out\"\n  sections = [\"upper pin\", \"lower pin\"]\n  tip = [620, 512]\n  \
+    width_mm = 25.0\n  arm_mm = 6.0\n  crack_mm = 50.0\n  [load]\n  file = \"machine.csv\"\n  \
+    [[opening]]\n  zones = [\"upper\", \"lower\"]\n  [[region]]\n  name = \"upper pin\"\n  roi = [40, 380, 120, 480]\n  ...\n\n\
+    Exit status: 0 the test is reduced; 2 nothing could be done.")]
+pub struct ReduceArgs {
+    /// The case file (TOML): [reduction], and for the fields of a run [load], [[opening]] and [[region]]. Names of files
+    /// in it are relative to its folder.
+    #[arg(value_name = "CASE.toml")]
+    pub case: PathBuf,
+    #[command(flatten)]
+    pub results: Results,
+    #[command(flatten)]
+    pub talk: Quiet,
+    #[command(flatten)]
+    pub drawn: Drawn,
+}
+
+#[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     quadrille identify joint.toml --output out/fit\n  \
     Fits with one parameter prescribed at several values:\n    \

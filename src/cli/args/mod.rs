@@ -75,7 +75,7 @@ pub enum Command {
     /// Lay the displacements of a finite-element model over a measured field: difference, map and number.
     Compare(CompareArgs),
     /// Read numbers from the fields of a run: points, lines, extensometers, regions, openings.
-    Probe(ProbeArgs),
+    Probe(Box<ProbeArgs>),
     /// Draw the fields of a run as PNG or SVG: maps over the image, meshes, profiles along a line.
     Figures(FiguresArgs),
     /// From a folder of images to results in a browser: draw, check, run, look; all of it is kept in a case file.
@@ -92,6 +92,8 @@ pub enum Command {
     Identify(IdentifyArgs),
     /// From images to the law of an adhesive: correlate, identify, report; from one case file.
     Run(RunArgs),
+    /// J, energy release rates by the standards and the traction from images and loads, without a model.
+    Reduce(ReduceArgs),
     /// Make something to begin with: speckle images, a virtual test, a specimen, a page to draw zones on; repeat the
     /// paper.
     Make(MakeArgs),

@@ -2,5 +2,6 @@
 
 pub(crate) mod case;
 pub(crate) mod fit;
+pub(crate) mod reduce;
 pub(crate) mod simulate;
 mod tournament;

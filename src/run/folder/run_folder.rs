@@ -15,7 +15,9 @@ pub(crate) const CORRELATION: &str = "correlation";
 /// What the parameters are when the rigid motion is treated the other way.
 pub(crate) const RIGID_MOTION: &str = "rigid-motion.json";
 /// Results of an identification, of a sweep, and of a comparison of laws.
-const FITS: [&str; 3] = ["fit.json", "sweep.json", TOURNAMENT];
+const FITS: [&str; 4] = ["fit.json", "sweep.json", TOURNAMENT, REDUCTION];
+/// A test that was reduced.
+pub(crate) const REDUCTION: &str = "reduction.json";
 /// What a comparison of laws came to.
 pub(crate) const TOURNAMENT: &str = "tournament.json";
 /// Its page, and its table of tractions.

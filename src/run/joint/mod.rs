@@ -2,6 +2,7 @@
 
 pub(crate) mod case;
 pub(crate) mod identification;
+mod reduction;
 pub(crate) mod several;
 pub(crate) mod simulation;
 mod strips;
@@ -11,6 +12,7 @@ pub(crate) mod virtual_joint;
 pub use case::{CaseRun, run_case};
 pub use identification::identify;
 pub(crate) use identification::{FIT, JOINT_SENSITIVITIES, LAW_SENSITIVITIES, outcome_of};
+pub use reduction::reduce;
 pub use several::identify_several;
 pub use simulation::simulate;
 pub(crate) use simulation::write_solution;

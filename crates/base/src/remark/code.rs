@@ -419,6 +419,22 @@ codes! {
             "The measured force takes another course than the computed one."
             "The text names what would bring them together: a width, moduli, a zero of the load cell, its time."
             "Check that, the unit of the load, and whether the model holds all of the joint.";
+        ReductionSlack "reduction-slack" Note
+            "The curve of a reduced test begins beside the origin."
+            "Pins and grips settle before the load rises. The displacement at no load, by the straight part, is taken off."
+            "Nothing, if it is slack; else look at the zero of load and displacement.";
+        ReductionUnloading "reduction-unloading" Note
+            "The joint closes at some instants."
+            "J and its derivative belong to a joint that opens. These instants are left out of the traction and of means."
+            "Nothing, for a test with unloading cycles.";
+        ReductionFalls "reduction-falls" Warning
+            "J falls while the joint opens."
+            "The traction is the slope of J and is not negative. A load or a rotation is wrong, or the front is not straight."
+            "Check the sections where loads act, the width, and the column of the load.";
+        ReductionDisagree "reduction-disagree" Warning
+            "Methods give different energy release rates."
+            "J by loads and rotations assumes least. Beam methods take moduli, arm and crack as stated and no long fracture zone."
+            "Trust J, where rotations are seen; check E, arm and crack.";
         ScalesDiffer "scales-differ" Warning
             "A test has two scales."
             "Its mesh and its `[measurement]` state different sizes of a pixel."

@@ -19,7 +19,7 @@ impl Reader {
     /// Its commands.
     pub fn commands(self) -> &'static str {
         match self {
-            Self::Correlation => "correlate, watch, slurm, probe",
+            Self::Correlation => "correlate, watch, slurm, probe, reduce",
             Self::Joint => "simulate, identify",
             Self::Run => "run",
             Self::Tests => "identify",
@@ -49,7 +49,7 @@ impl Reader {
     }
 }
 
-const OF_CORRELATION: [&str; 13] = [
+const OF_CORRELATION: [&str; 14] = [
     "images",
     "camera",
     "correlation",
@@ -61,6 +61,7 @@ const OF_CORRELATION: [&str; 13] = [
     "extensometer",
     "region",
     "opening",
+    "reduction",
     "crack",
     "report",
 ];

@@ -26,7 +26,8 @@ pub fn write_table<W: Write>(
             first = false;
         }
         for value in values {
-            write!(out, ",{value:.16e}")?;
+            // What is not known is an empty cell.
+            if value.is_nan() { write!(out, ",")? } else { write!(out, ",{value:.16e}")? }
         }
         writeln!(out)?;
     }

@@ -214,6 +214,13 @@ impl RawTable {
         (0..self.n_rows()).map(row).collect()
     }
 
+    /// The largest number in the column `frame`, or that of the rows.
+    pub fn last_frame(&self) -> usize {
+        let of = |record: &StringRecord| whole(record.get(self.frame_at?)?);
+        // A number that no series reaches is refused as that of a row.
+        self.rows.iter().filter_map(of).max().filter(|last| *last <= 10_000_000).unwrap_or(self.n_rows())
+    }
+
     /// The number of the frame of each row, 0 for the reference: from the column `frame`, or in order.
     #[expect(
         clippy::indexing_slicing,

@@ -1,0 +1,92 @@
+//! What is to be looked at in a reduced test.
+
+use super::compliance::StraightLine;
+use super::methods::MethodResult;
+use super::specimen::{Instant, Mode};
+use crate::remark::{About, Code, Remark};
+
+/// Slack by the displacement at the end of the straight begin that is worth a word.
+const SLACK: f64 = 0.05;
+/// Difference of two methods, relative, that is worth a word when both uncertainties do not explain it.
+const DIFFERENT: f64 = 0.05;
+
+fn numbers(instants: &[Instant], which: impl Fn(usize) -> bool) -> Vec<usize> {
+    instants.iter().enumerate().filter(|(k, _)| which(*k)).map(|(_, instant)| instant.frame).collect()
+}
+
+fn list(numbers: &[usize]) -> String {
+    let few: Vec<String> = numbers.iter().take(8).map(usize::to_string).collect();
+    format!("{}{}", few.join(", "), if numbers.len() > 8 { ", ..." } else { "" })
+}
+
+pub(super) fn slack(line: Option<&StraightLine>, instants: &[Instant]) -> Option<Remark> {
+    let remark = |text: String| Remark::new(Code::ReductionSlack, About::Run, text);
+    let Some(line) = line else {
+        let is_known = instants.iter().any(|instant| instant.displacement_mm.is_some());
+        let text = "fewer than three instants lie on the straight begin (10 to 50 % of the largest load): displacements are taken as \
+                    they are, slack included";
+        return is_known.then(|| remark(text.to_owned()));
+    };
+    let end = instants.get(line.instants[1])?.displacement_mm?.value;
+    let share = line.slack_mm / end;
+    let text = format!(
+        "the curve begins {:+.4} mm from the origin, {:.0} % of the displacement at the end of its straight part: slack is taken off",
+        line.slack_mm,
+        100.0 * share
+    );
+    (share.abs() > SLACK).then(|| remark(text).with("slack_mm", line.slack_mm))
+}
+
+pub(super) fn unloading(instants: &[Instant], grows: &[bool]) -> Option<Remark> {
+    let back = numbers(instants, |k| !grows[k]);
+    let text = format!(
+        "the joint closes at instants {}: they are left out of the traction and of mean values, which hold while it opens",
+        list(&back)
+    );
+    (!back.is_empty()).then(|| Remark::new(Code::ReductionUnloading, About::Instants(back), text))
+}
+
+/// J falls while the joint opens: no law of the separation alone does that.
+pub(super) fn falls(instants: &[Instant], result: &MethodResult, grows: &[bool], mode: Mode) -> Option<Remark> {
+    let mut most: Option<(f64, f64, f64)> = None;
+    let mut fallen = Vec::new();
+    for (k, instant) in instants.iter().enumerate().filter(|(k, _)| grows[*k]) {
+        let (Some(release), Some(jump)) = (result.release[k], instant.jump(mode)) else { continue };
+        if let Some((highest, sigma, at)) = most {
+            let noise = 4.0 * release.sigma.hypot(sigma);
+            if jump.value > at + 3.0 * jump.sigma && release.value < highest - noise.max(0.02 * highest) {
+                fallen.push(instant.frame);
+            }
+        }
+        if most.is_none_or(|(highest, ..)| release.value > highest) {
+            most = Some((release.value, release.sigma, jump.value));
+        }
+    }
+    let text = format!(
+        "J falls while the joint opens (instants {}): the traction would be negative; the crack front may not be straight, or loads act \
+         elsewhere than said",
+        list(&fallen)
+    );
+    (!fallen.is_empty()).then(|| Remark::new(Code::ReductionFalls, About::Instants(fallen), text))
+}
+
+/// Two methods that differ by more than their uncertainties.
+pub(super) fn disagree(methods: &[MethodResult]) -> Option<Remark> {
+    let known: Vec<_> = methods.iter().filter_map(|result| Some((result, result.growth?))).collect();
+    let differ = |a: &(&MethodResult, crate::field::Value), b: &(&MethodResult, crate::field::Value)| {
+        let off = (a.1.value - b.1.value).abs();
+        off > DIFFERENT * a.1.value.abs() && off > 3.0 * a.1.sigma.hypot(b.1.sigma)
+    };
+    let first = known.first()?;
+    let others: Vec<String> = (known.iter().skip(1).filter(|other| differ(first, other)))
+        .map(|(result, value)| format!("{} {:.4}", result.method.name(), value.value))
+        .collect();
+    let text = format!(
+        "methods differ after growth has begun by more than noise: {} {:.4} N/mm, {}; beam theory leaves out a fracture zone that is \
+         long against the arm, and takes E, arm and crack as stated",
+        first.0.method.name(),
+        first.1.value,
+        others.join(", ")
+    );
+    (!others.is_empty()).then(|| Remark::new(Code::ReductionDisagree, About::Run, text))
+}

@@ -1,0 +1,370 @@
+//! A reduced test: the record, its tables, its figures and its page.
+
+use super::page::{Block, Page, Section};
+use super::words::significant;
+use super::{Axis, Picture, Plot, PlotSeries, ReportError, Style, to_strings, version};
+use crate::field::Value;
+use crate::io::joint::write_table;
+use crate::reduction::{Instant, Layout, Method, Reduction, Specimen, TractionCurve};
+use crate::remark::Remark;
+use serde::Serialize;
+use std::io::{self, Write};
+
+/// What was reduced.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// The case file.
+    pub case: String,
+    /// The specimen.
+    pub specimen: Specimen,
+}
+
+/// A number with its standard uncertainty, as it is written.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct WithStd {
+    /// The number.
+    pub value: f64,
+    /// Its standard uncertainty.
+    pub std: f64,
+}
+
+impl WithStd {
+    fn in_words(self) -> String {
+        let value = significant(self.value, 4);
+        // Nothing is exact: nobody has said how uncertain load and displacement are.
+        if self.std > 0.0 {
+            format!("{value} \u{b1} {}", significant(self.std, 2))
+        } else {
+            format!("{value} (no uncertainty is stated)")
+        }
+    }
+}
+
+impl From<Value> for WithStd {
+    fn from(Value { value, sigma }: Value) -> Self {
+        Self { value, std: sigma }
+    }
+}
+
+/// `reduction.json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ReductionRecord {
+    /// Version of the program.
+    pub quadrille: &'static str,
+    /// The case file.
+    pub case: String,
+    /// The test.
+    pub layout: &'static str,
+    /// Compliance before anything grows, mm/N, and slack, mm.
+    #[serde(rename = "initial_compliance_mm_per_N")]
+    pub initial_compliance_mm_per_n: Option<f64>,
+    /// See there.
+    pub slack_mm: Option<f64>,
+    /// Frame, with its fraction, at which growth begins by each definition.
+    pub growth_begins_at_frame: Vec<(String, f64)>,
+    /// The results, in the order of the report.
+    pub results: Vec<ResultRecord>,
+    /// What each method fitted.
+    pub notes: Vec<(String, String)>,
+    /// Methods that cannot be used, and what they lack.
+    pub missing: Vec<(String, String)>,
+    /// What is to be looked at.
+    pub remarks: Vec<Remark>,
+    /// The traction over the separation.
+    pub traction: Option<TractionRecord>,
+    /// Why there is none.
+    pub no_traction: Option<&'static str>,
+    #[serde(skip)]
+    found: Reduction,
+    #[serde(skip)]
+    specimen: Specimen,
+}
+
+/// A result, what is known of it, and what each constant does to it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ResultRecord {
+    /// What, with its unit.
+    pub name: String,
+    /// Its value; the standard uncertainty is that of images, loads and constants.
+    #[serde(flatten)]
+    pub value: WithStd,
+    /// By images and loads alone.
+    pub std_measured: f64,
+    /// Its change by one standard uncertainty of each constant.
+    pub by_constant: Vec<(&'static str, f64)>,
+}
+
+/// The traction.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TractionRecord {
+    /// The method whose J it is the slope of.
+    pub of: &'static str,
+    /// The jump that it is drawn over: opening, sliding, or the path of both.
+    pub over: &'static str,
+    /// By what the noise that is stated had to be multiplied.
+    pub noise_factor: f64,
+    /// Separations, mm, and all else there.
+    pub separation_mm: Vec<f64>,
+    /// MPa.
+    #[serde(rename = "traction_MPa")]
+    pub traction_mpa: Vec<f64>,
+    /// MPa.
+    #[serde(rename = "std_MPa")]
+    pub std_mpa: Vec<f64>,
+    /// Half of the 95 % band that holds at all places together, MPa.
+    #[serde(rename = "half_of_all_MPa")]
+    pub half_of_all_mpa: Vec<f64>,
+    /// Whether the test was there.
+    pub visited: Vec<bool>,
+}
+
+impl ReductionRecord {
+    /// That of `found`.
+    pub fn new(source: &Source, found: &Reduction) -> Self {
+        let result = |(name, value): (String, Value)| {
+            let of_line = |line: &crate::reduction::BudgetLine| {
+                let change = line.changes.iter().find(|(other, _)| *other == name)?.1;
+                Some((line.name, change))
+            };
+            let by_constant: Vec<(&'static str, f64)> = found.budget.iter().filter_map(of_line).collect();
+            let variance = value.sigma.powi(2) + by_constant.iter().map(|(_, by)| by * by).sum::<f64>();
+            let all = Value { value: value.value, sigma: variance.sqrt() };
+            ResultRecord { name, value: all.into(), std_measured: value.sigma, by_constant }
+        };
+        let mode = source.specimen.layout.mode();
+        let traction = |(method, curve): &(Method, TractionCurve)| TractionRecord {
+            of: method.name(),
+            over: mode.names()[0],
+            noise_factor: curve.noise_factor(),
+            separation_mm: curve.separation_mm.clone(),
+            traction_mpa: curve.traction_mpa.clone(),
+            std_mpa: curve.std_mpa.clone(),
+            half_of_all_mpa: curve.half_of_all_mpa.clone(),
+            visited: curve.visited.clone(),
+        };
+        let frame = |place: f64| {
+            let at = |k: usize| found.instants.get(k).map(|instant| instant.frame as f64);
+            let here = at(place as usize)?;
+            Some(here + place.fract() * (at(place as usize + 1).unwrap_or(here) - here))
+        };
+        let noted = found.methods.iter().filter(|result| !result.note.is_empty());
+        Self {
+            quadrille: env!("CARGO_PKG_VERSION"),
+            case: source.case.clone(),
+            layout: source.specimen.layout.name(),
+            initial_compliance_mm_per_n: found.line.map(|line| line.compliance_mm_per_n),
+            slack_mm: found.line.map(|line| line.slack_mm),
+            growth_begins_at_frame: (found.begins.iter())
+                .filter_map(|(definition, place)| Some((definition.name().to_owned(), frame(*place)?)))
+                .collect(),
+            results: found.numbers().into_iter().map(result).collect(),
+            notes: noted.map(|result| (result.method.name().to_owned(), result.note.clone())).collect(),
+            missing: found.missing.iter().map(|(method, lacks)| (method.name().to_owned(), lacks.clone())).collect(),
+            remarks: found.remarks.clone(),
+            traction: found.traction.as_ref().map(traction),
+            no_traction: found.no_traction,
+            found: found.clone(),
+            specimen: source.specimen,
+        }
+    }
+
+    /// Writes `reduction.csv`: a row for each instant; a cell is empty where nothing is known.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_instants<W: Write>(&self, out: W) -> io::Result<()> {
+        let mut columns =
+            to_strings(&["frame", "load_N", "displacement_mm", "rotation_1", "opening_mm", "sliding_mm", "crack_mm"]);
+        columns = columns.into_iter().flat_map(|name| with_sigma(name.clone(), name != "frame")).collect();
+        for result in &self.found.methods {
+            let name = result.method.name();
+            columns.extend(with_sigma(format!("{name}_N_per_mm"), true));
+            columns.extend([format!("{name}_crack_mm"), format!("{name}_sliding_share_1")]);
+        }
+        let pair = |value: Option<Value>| value.map_or([f64::NAN; 2], |value| [value.value, value.sigma]);
+        let row = |(k, instant): (usize, &Instant)| {
+            let Instant { load_n, displacement_mm, rotation, opening_mm, sliding_mm, crack_mm, .. } = *instant;
+            let measured = [Some(load_n), displacement_mm, rotation, opening_mm, sliding_mm, crack_mm];
+            let mut values: Vec<f64> = measured.into_iter().flat_map(pair).collect();
+            for result in &self.found.methods {
+                values.extend(pair(result.release[k]));
+                values.extend([result.crack_mm[k], result.sliding_share[k]].map(|of| of.unwrap_or(f64::NAN)));
+            }
+            (vec![instant.frame as u64], values)
+        };
+        let about = "energy release rates in N/mm; sigma by images and loads; docs/reduction.md".to_owned();
+        write_table(out, &[version(), about], &columns, self.found.instants.iter().enumerate().map(row))
+    }
+
+    /// Writes `traction.csv`.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_traction<W: Write>(&self, out: W) -> io::Result<()> {
+        let Some(curve) = &self.traction else { return Ok(()) };
+        let columns = to_strings(&["visited", "separation_mm", "traction_MPa", "std_MPa", "half_of_all_MPa"]);
+        let row = |k: usize| {
+            let values =
+                [&curve.separation_mm, &curve.traction_mpa, &curve.std_mpa, &curve.half_of_all_mpa].map(|of| of[k]);
+            (vec![u64::from(curve.visited[k])], values.to_vec())
+        };
+        let about = format!(
+            "slope of {} over the {} at the initial tip; bands: 95 %, at all places together",
+            curve.of, curve.over
+        );
+        write_table(out, &[version(), about], &columns, (0..curve.separation_mm.len()).map(row))
+    }
+
+    /// Draws every figure, each with its name.
+    ///
+    /// # Errors
+    /// A figure without a finite range.
+    pub fn draw(&self) -> Result<Vec<(&'static str, Picture)>, ReportError> {
+        self.plots().into_iter().map(|(name, plot, _)| Ok((name, plot.draw()?))).collect()
+    }
+
+    /// The figures, each with its name and its caption.
+    fn plots(&self) -> Vec<(&'static str, Plot, String)> {
+        let Reduction { instants, methods, .. } = &self.found;
+        let mode = self.specimen.layout.mode();
+        let mut plots = Vec::new();
+        let points = |x: &dyn Fn(usize) -> Option<f64>, y: &dyn Fn(usize) -> Option<Value>| {
+            let all: Vec<(f64, Value)> = (0..instants.len()).filter_map(|k| Some((x(k)?, y(k)?))).collect();
+            (all.len() > 1).then(|| {
+                let band = all.iter().map(|(_, value)| 1.96 * value.sigma).collect();
+                let (x, y) = all.iter().map(|(x, value)| (*x, value.value)).unzip();
+                PlotSeries::new("", Style::LineAndMarkers, x, y).with_band(band)
+            })
+        };
+        let named = |series: PlotSeries, name: &str| PlotSeries { name: name.to_owned(), ..series };
+        let displacement = |k: usize| Some(instants[k].displacement_mm?.value);
+        if let Some(series) = points(&displacement, &|k| Some(instants[k].load_n)) {
+            let mut all = vec![named(series, "measured")];
+            if let Some(line) = &self.found.line {
+                let most = instants.iter().map(|instant| instant.load_n.value).fold(0.0, f64::max);
+                let y = vec![0.0, most];
+                for (factor, name) in [(1.0, "initial compliance"), (1.05, "5 % more")] {
+                    let x = y.iter().map(|load| line.slack_mm + factor * line.compliance_mm_per_n * load).collect();
+                    all.push(PlotSeries::new(name, Style::Line, x, y.clone()));
+                }
+            }
+            let plot = Plot::new("Load over displacement", "displacement of the load (mm)", "load (N)", all);
+            plots.push(("load-displacement", plot, "Load over the displacement that it does work with".to_owned()));
+        }
+        let jump = |k: usize| Some(instants[k].jump(mode)?.value);
+        let over_jump: Vec<PlotSeries> = (methods.iter())
+            .filter_map(|result| Some(named(points(&jump, &|k| result.release[k])?, result.method.name())))
+            .collect();
+        let [over, traction] = mode.names();
+        if !over_jump.is_empty() {
+            let label = format!("{over} at the initial tip (mm)");
+            let plot = Plot::new("Energy release rate over separation", label, "energy release rate (N/mm)", over_jump);
+            plots.push(("release-separation", plot, "Bands: 95 %, images and loads".to_owned()));
+        }
+        let resistance: Vec<PlotSeries> = (methods.iter())
+            .filter_map(|result| {
+                Some(named(points(&|k| result.crack_mm[k], &|k| result.release[k])?, result.method.name()))
+            })
+            .collect();
+        if !resistance.is_empty() {
+            let plot =
+                Plot::new("Resistance curve", "length of the crack (mm)", "energy release rate (N/mm)", resistance);
+            let caption = "Each method over its own crack: measured, or that of a beam of the same compliance";
+            plots.push(("resistance", plot, caption.to_owned()));
+        }
+        if let Some(curve) = &self.traction {
+            let shown =
+                curve.traction_mpa.iter().zip(&curve.visited).map(|(t, seen)| if *seen { *t } else { f64::NAN });
+            let series = PlotSeries::new(curve.of, Style::Line, curve.separation_mm.clone(), shown.collect());
+            let half = curve.half_of_all_mpa.clone();
+            let y = Axis::linear(format!("{traction} (MPa)"));
+            let label = format!("{over} at the initial tip (mm)");
+            let plot = Plot::new("Traction over separation", label, y, [series.with_band(half)]);
+            let caption =
+                "The slope of J; band: 95 %, at all places together; where the test never was nothing is drawn";
+            plots.push(("traction", plot, caption.to_owned()));
+        }
+        plots
+    }
+
+    /// The page.
+    ///
+    /// # Errors
+    /// A figure without a finite range.
+    pub fn page(&self) -> Result<Page, ReportError> {
+        let mut blocks: Vec<Block> = self.remarks.iter().map(Block::of_remark).collect();
+        let rows = self.results.iter().map(|result| {
+            let largest = result.by_constant.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+            let largest = largest.filter(|(_, by)| *by != 0.0);
+            let largest = largest.map_or("-".to_owned(), |(name, by)| format!("{name}: {}", significant(*by, 2)));
+            vec![result.name.clone(), result.value.in_words(), significant(result.std_measured, 2), largest]
+        });
+        let columns = ["result", "value \u{b1} standard uncertainty", "of images and loads", "largest constant"];
+        blocks.push(Block::table(&columns, rows));
+        blocks.extend(self.no_traction.map(|why| Block::text(format!("There is no traction: {why}."))));
+        let methods = self.found.methods.iter().map(|result| {
+            let note = if result.note.is_empty() { "-".to_owned() } else { result.note.clone() };
+            vec![result.method.name().to_owned(), result.method.in_words().to_owned(), note]
+        });
+        let lacking = self.found.missing.iter().map(|(method, lacks)| {
+            vec![method.name().to_owned(), method.in_words().to_owned(), format!("not used: {lacks}")]
+        });
+        let methods = Block::table(&["method", "what it is", "what was fitted for it"], methods.chain(lacking));
+        let figures = self.plots().into_iter().map(|(_, plot, caption)| Block::curves(&plot, caption));
+        Ok(Page {
+            title: format!("{} test, reduced", title(self.specimen.layout)),
+            subtitle: format!("quadrille {}, {}", self.quadrille, self.case),
+            sections: vec![
+                Section { title: "Result".into(), blocks },
+                Section { title: "Curves".into(), blocks: vec![Block::Grid(figures.collect::<Result<_, _>>()?)] },
+                Section { title: "Methods".into(), blocks: vec![methods] },
+                Section { title: "Specimen".into(), blocks: vec![Block::Facts(self.facts())] },
+            ],
+        })
+    }
+
+    /// What the report of a standard asks of the specimen.
+    fn facts(&self) -> Vec<(String, String)> {
+        let Specimen { width_mm, arm_mm, crack_mm, half_span_mm, lever_mm, young_mpa, shear_mpa, .. } = self.specimen;
+        let stated = |value: Value| match value.sigma > 0.0 {
+            true => format!("{} \u{b1} {}", significant(value.value, 6), significant(value.sigma, 2)),
+            false => format!("{}, taken as exact", significant(value.value, 6)),
+        };
+        let exact = |value: f64| format!("{}, taken as exact", significant(value, 6));
+        let begins = self.growth_begins_at_frame.iter().map(|(name, frame)| format!("{name}: {frame:.1}"));
+        let begins: Vec<String> = begins.collect();
+        let list = [
+            ("width (mm)", Some(stated(width_mm))),
+            ("thickness of an arm (mm)", arm_mm.map(stated)),
+            ("initial crack from the line of load (mm)", crack_mm.map(stated)),
+            ("half span (mm)", half_span_mm.map(exact)),
+            ("lever (mm)", lever_mm.map(exact)),
+            ("Young's modulus (MPa)", young_mpa.map(stated)),
+            ("shear modulus (MPa)", Some(shear_mpa.map_or("none: arms do not shear".to_owned(), exact))),
+            ("initial compliance (mm/N)", self.initial_compliance_mm_per_n.map(|c| significant(c, 4))),
+            ("slack taken off (mm)", self.slack_mm.map(|slack| significant(slack, 3))),
+            ("frames at which growth begins", (!begins.is_empty()).then(|| begins.join(", "))),
+        ];
+        list.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?))).collect()
+    }
+
+    /// One line for each result, for the terminal.
+    pub fn lines(&self) -> Vec<String> {
+        self.results.iter().map(|result| format!("{}: {}", result.name, result.value.in_words())).collect()
+    }
+}
+
+fn with_sigma(name: String, wanted: bool) -> Vec<String> {
+    let sigma = wanted.then(|| format!("sigma_{name}"));
+    std::iter::once(name).chain(sigma).collect()
+}
+
+fn title(layout: Layout) -> &'static str {
+    match layout {
+        Layout::Dcb => "Double cantilever beam",
+        Layout::Enf => "End-notched flexure",
+        Layout::Mmb => "Mixed-mode bending",
+        Layout::Slb => "Single-leg bending",
+        Layout::Peel => "Peel",
+    }
+}
