@@ -280,8 +280,7 @@ impl ReductionRecord {
             let y = Axis::linear(format!("{traction} (MPa)"));
             let label = format!("{over} at the initial tip (mm)");
             let plot = Plot::new("Traction over separation", label, y, [series.with_band(half)]);
-            let caption =
-                "The slope of J; band: 95 %, at all places together, of a smooth law: corners are rounded";
+            let caption = "The slope of J; band: 95 %, at all places together, of a smooth law: corners are rounded";
             plots.push(("traction", plot, caption.to_owned()));
         }
         plots
