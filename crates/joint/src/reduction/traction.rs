@@ -15,6 +15,8 @@ const INTERVALS: usize = 22;
 const N: usize = INTERVALS + 3;
 /// Scales of u, by the largest separation: from even knots to knots that crowd at the origin.
 const SCALES: [f64; 4] = [10.0, 0.3, 0.1, 0.03];
+/// The mean traction by the traction of a closed joint.
+const CLOSED: f64 = 1e3;
 /// Noise of J by its largest, where none is stated.
 const UNSTATED: f64 = 1e-3;
 /// By what the stated variances may be too small.
@@ -151,6 +153,8 @@ struct Problem<'a> {
     basis: Basis,
     /// Integrals at the samples.
     rows: Vec<[f64; N]>,
+    /// Mean traction up to the largest separation, MPa.
+    mean: f64,
 }
 
 /// The normal equations for some variances, without a prior.
@@ -167,7 +171,8 @@ impl<'a> Problem<'a> {
         let most = samples.iter().fold(0.0_f64, |most, sample| most.max(sample.separation.value));
         let basis = Basis::new(most, share);
         let rows = samples.iter().map(|sample| basis.integrals(sample.separation.value)).collect();
-        Self { samples, basis, rows }
+        let largest = samples.iter().map(|sample| sample.release.value.abs()).fold(f64::MIN_POSITIVE, f64::max);
+        Self { samples, basis, rows, mean: largest / most }
     }
 
     /// What J of a sample grows by with a coefficient; the last one is how far the reference image is off.
@@ -200,6 +205,10 @@ impl<'a> Problem<'a> {
         let mut matrix = normal.matrix.clone();
         matrix.add(lambda, &penalty);
         matrix[(N, N)] += 1.0;
+        // Nothing pulls where nothing is open: T is zero there, but for a thousandth of its mean.
+        let closed = self.basis.row(0.0);
+        let hold = (CLOSED / self.mean).powi(2);
+        (0..3).for_each(|a| (0..3).for_each(|b| matrix[(a, b)] += hold * closed[a] * closed[b]));
         // Held just so that a range without samples is no singular matrix.
         let trace = (0..N).map(|k| normal.matrix[(k, k)]).sum::<f64>();
         (0..N).for_each(|k| matrix[(k, k)] += 1e-13 * trace / N as f64);
