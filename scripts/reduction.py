@@ -13,7 +13,7 @@ displacements of sections of 3 mm, the jump at the tip. The tables are reduced, 
     all       seeds whose band at all places together holds at 95 % of them
     peak      peak traction, error over standard uncertainty, rms
 
-Laws with corners fail the last two today (docs/reduction.md). Exit status 1 when a limit fails: J within 1 % of the work in the mean of all double cantilever beams, z 0.7 to 1.3, points 90 to
+Much noise and corners fail the last two today (docs/reduction.md). Exit status 1 when a limit fails: J within 1 % of the work in the mean of all double cantilever beams, z 0.7 to 1.3, points 90 to
 100 %, all in 85 % of the seeds. No package is needed."""
 
 import argparse
