@@ -64,3 +64,18 @@ def test_cases_that_are_none_are_refused(tmp_path):
     wrong.write_text("[images]\nreferenc = 'a'\n")
     with pytest.raises(quadrille.CaseError, match="referenc"):
         quadrille.run(wrong, tmp_path / "out")
+
+
+def test_a_test_of_the_standards_is_reduced_as_the_program_does(program, tmp_path):
+    rows = [f"{20 * k},{0.02 * k + (0.0002 * k**2 if k > 5 else 0)}" for k in range(1, 12)]
+    (tmp_path / "series.csv").write_text("load_N,displacement_mm\n" + "\n".join(rows) + "\n")
+    (tmp_path / "dcb.toml").write_text(
+        "[reduction]\nlayout = 'dcb'\ntable = 'series.csv'\nwidth_mm = 20.0\narm_mm = 3.0\ncrack_mm = 40.0\n"
+    )
+    found = quadrille.reduce(tmp_path / "dcb.toml", tmp_path / "python")
+    program("reduce", "dcb.toml", "--output", "program", cwd=tmp_path)
+    assert found.record == json.loads((tmp_path / "program/reduction.json").read_text()) | {"case": found.record["case"]}
+    assert any(result["name"].startswith("CBBM") for result in found.record["results"])
+    (tmp_path / "none.toml").write_text("[images]\n")
+    with pytest.raises(quadrille.QuadrilleError, match="no table .reduction."):
+        quadrille.reduce(tmp_path / "none.toml", tmp_path / "wrong")

@@ -47,7 +47,7 @@ def test_quantities_are_those_of_the_program(pair):
             else:
                 wanted = [float(cell) if cell else np.nan for cell in cells]
                 # The store rounds displacements to 32 bits, and model errors to some per cent.
-                rough = 2e-2 if name.startswith("model_error") else 1e-5
+                rough = 5e-2 if name.startswith("model_error") else 1e-5
                 np.testing.assert_allclose(np.atleast_1d(values), wanted, rtol=rough, atol=1e-9, err_msg=name)
 
     same(field.at([50, 40]), table("points"))
