@@ -5,7 +5,7 @@ use super::words::significant;
 use super::{Axis, Picture, Plot, PlotSeries, ReportError, Style, to_strings, version};
 use crate::field::Value;
 use crate::io::joint::write_table;
-use crate::reduction::{Instant, Layout, Method, Reduction, Specimen, TractionCurve};
+use crate::reduction::{Instant, Layout, Method, Mode, Reduction, Specimen, TractionCurve};
 use crate::remark::Remark;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -131,7 +131,7 @@ impl ReductionRecord {
             let all = Value { value: value.value, sigma: variance.sqrt() };
             ResultRecord { name, value: all.into(), std_measured: value.sigma, by_constant }
         };
-        let mode = source.specimen.layout.mode();
+        let mode = Mode::of(source.specimen.layout);
         let traction = |(method, curve): &(Method, TractionCurve)| TractionRecord {
             of: method.name(),
             over: mode.names()[0],
@@ -226,7 +226,7 @@ impl ReductionRecord {
     /// The figures, each with its name and its caption.
     fn plots(&self) -> Vec<(&'static str, Plot, String)> {
         let Reduction { instants, methods, .. } = &self.found;
-        let mode = self.specimen.layout.mode();
+        let mode = Mode::of(self.specimen.layout);
         let mut plots = Vec::new();
         let points = |x: &dyn Fn(usize) -> Option<f64>, y: &dyn Fn(usize) -> Option<Value>| {
             let all: Vec<(f64, Value)> = (0..instants.len()).filter_map(|k| Some((x(k)?, y(k)?))).collect();

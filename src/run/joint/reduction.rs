@@ -3,11 +3,11 @@
 
 use crate::camera::Rectifier;
 use crate::field::{FacingPoint, FrameQuantities, Jump, NodalNoise, RegionValues, Value};
-use crate::io::case::{CaseFile, CaseLayout, CaseOpening, CaseQuantities, CaseReduction, CaseRegion, read_document};
+use crate::io::case::{CaseFile, CaseOpening, CaseQuantities, CaseReduction, CaseRegion, read_document};
 use crate::io::load::{LoadColumn, LoadTable, read_table};
 use crate::io::store::Store;
 use crate::plane::Point;
-use crate::reduction::{Instant, Layout, LoadedSection, Mode, Specimen, reduce as reduce_instants};
+use crate::reduction::{Instant, Layout, LoadedSection, Mode, Specimen, reduce as reduce_instants, sections};
 use crate::remark::Remark;
 use crate::report::{ReductionRecord, Source};
 use crate::run::folder::record::Record;
@@ -77,13 +77,7 @@ fn given(key: &str, value: Option<f64>, std: Option<f64>) -> Result<Option<Value
 }
 
 fn specimen(asked: &CaseReduction) -> Result<Specimen> {
-    let layout = match asked.layout {
-        CaseLayout::Dcb => Layout::Dcb,
-        CaseLayout::Enf => Layout::Enf,
-        CaseLayout::Mmb => Layout::Mmb,
-        CaseLayout::Slb => Layout::Slb,
-        CaseLayout::Peel => Layout::Peel,
-    };
+    let layout = asked.layout;
     let width_mm = given("width_mm", Some(asked.width_mm), asked.width_mm_std)?;
     let number = |key: &str, value: Option<f64>| Ok::<_, RunError>(given(key, value, None)?.map(|value| value.value));
     number("force_std_N", asked.force_std_n)?;
@@ -218,7 +212,7 @@ fn of_run(case: &CaseFile, asked: &CaseReduction, specimen: &Specimen, run: &Pat
         None => return Err(wrong("tip = [x, y] is missing: the initial tip in the reference image, px")),
     };
     let (half_span, lever) = (specimen.half_span_mm.unwrap_or(1.0), specimen.lever_mm.unwrap_or(0.0));
-    let all = specimen.layout.sections(half_span, lever);
+    let all = sections(specimen.layout, half_span, lever);
     let reader = Asked {
         sections: if asked.sections.is_empty() { Vec::new() } else { all },
         at_tip: places_at(points, tip, header.element_size_px)?,
@@ -268,7 +262,7 @@ fn turn(instant: &mut Instant, layout: Layout) {
     let turned = |of: Value| Value { value: -of.value, ..of };
     instant.displacement_mm = instant.displacement_mm.map(turned);
     instant.rotation = instant.rotation.map(turned);
-    if layout.mode() == Mode::Opening {
+    if Mode::of(layout) == Mode::Opening {
         instant.opening_mm = instant.opening_mm.map(turned);
     }
 }
@@ -292,7 +286,7 @@ fn quantities(case: &CaseFile, asked: &CaseReduction, specimen: &Specimen) -> Re
         })
     };
     let regions = asked.sections.iter().map(region).collect::<Result<Vec<_>>>()?;
-    let wanted = specimen.layout.sections(1.0, 0.5);
+    let wanted = sections(specimen.layout, 1.0, 0.5);
     if !regions.is_empty() && regions.len() != wanted.len() {
         let words: Vec<&str> = wanted.iter().map(|section| section.what).collect();
         return Err(format!(

@@ -8,16 +8,29 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum CaseLayout {
-    /// Double cantilever beam.
+    /// Double cantilever beam: both arms are pulled apart.
     Dcb,
-    /// End-notched flexure.
+    /// End-notched flexure: three-point bending.
     Enf,
-    /// Mixed-mode bending.
+    /// Mixed-mode bending: a lever.
     Mmb,
-    /// Single-leg bending.
+    /// Single-leg bending: three-point bending, one arm is not supported.
     Slb,
-    /// Peel of a thin arm.
+    /// A thin arm is pulled off.
     Peel,
+}
+
+impl CaseLayout {
+    /// Its name in a case.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Dcb => "dcb",
+            Self::Enf => "enf",
+            Self::Mmb => "mmb",
+            Self::Slb => "slb",
+            Self::Peel => "peel",
+        }
+    }
 }
 
 /// J, energy release rates by the standards and the traction from images and loads, for `quadrille reduce`

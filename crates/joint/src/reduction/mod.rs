@@ -10,7 +10,7 @@ mod traction;
 
 pub use compliance::{Definition, StraightLine};
 pub use methods::{Method, MethodResult};
-pub use specimen::{Instant, Layout, LoadedSection, Mode, Specimen};
+pub use specimen::{Instant, Layout, LoadedSection, Mode, Specimen, sections};
 pub use traction::TractionCurve;
 
 use crate::field::Value;
@@ -174,7 +174,7 @@ fn reduce_once(
     if largest <= 0.0 {
         return Err(ReductionError::NoLoad { load_n: largest });
     }
-    if specimen.layout.mode() == Mode::Opening
+    if Mode::of(specimen.layout) == Mode::Opening
         && let Some(instant) = largest_load(&instants).map(|k| instants[k])
         && let Some(opening) = instant.opening_mm.filter(|opening| opening.value < -5.0 * opening.sigma)
     {
@@ -210,7 +210,7 @@ fn reduce_once(
                 return Err(ReductionError::Reversed { release: release.value, instant: instants[k].frame });
             }
         }
-        remarks.extend(remarks::falls(&instants, by_rotation, &grows, specimen.layout.mode()));
+        remarks.extend(remarks::falls(&instants, by_rotation, &grows, Mode::of(specimen.layout)));
     }
     remarks.extend(remarks::disagree(&methods));
     let mut traction = None;
@@ -252,7 +252,7 @@ fn curve_of(
     (result, grows): (&MethodResult, &[bool]),
     smoothness: Option<Smoothness>,
 ) -> Option<TractionCurve> {
-    let mode = specimen.layout.mode();
+    let mode = Mode::of(specimen.layout);
     let sample = |(k, instant): (usize, &Instant)| -> Option<Sample> {
         let jump = instant.jump(mode).filter(|_| grows[k])?;
         let release = result.release[k]?;

@@ -1,21 +1,7 @@
 //! What is reduced: the test, its specimen, and what loads and images say at each instant.
 
 use crate::field::Value;
-
-/// A test of the standards: which loads act where.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Layout {
-    /// Double cantilever beam: both arms are pulled apart.
-    Dcb,
-    /// End-notched flexure: three-point bending.
-    Enf,
-    /// Mixed-mode bending: a lever.
-    Mmb,
-    /// Single-leg bending: three-point bending, one arm is not supported.
-    Slb,
-    /// A thin arm is pulled off.
-    Peel,
-}
+pub use crate::io::case::CaseLayout as Layout;
 
 /// A section at which a load acts: the share of the load cell's force, and whether it points along the normal of the
 /// joint (from the lower to the upper arm) or against it.
@@ -29,50 +15,25 @@ pub struct LoadedSection {
     pub along: f64,
 }
 
-impl Layout {
-    /// All of them.
-    pub const ALL: [Self; 5] = [Self::Dcb, Self::Enf, Self::Mmb, Self::Slb, Self::Peel];
-
-    /// Its name in a case.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Dcb => "dcb",
-            Self::Enf => "enf",
-            Self::Mmb => "mmb",
-            Self::Slb => "slb",
-            Self::Peel => "peel",
-        }
-    }
-
-    /// The sections where loads act, in the order in which a case names them; of bending tests from the cracked end on,
-    /// the load of the machine downwards. `span` is half the distance of the supports, `lever` that of the load on the
-    /// lever from the middle, mm.
-    pub fn sections(self, half_span: f64, lever: f64) -> Vec<LoadedSection> {
-        let section = |what, share, along| LoadedSection { what, share, along };
-        match self {
-            Self::Dcb => vec![section("the upper arm", 1.0, 1.0), section("the lower arm", 1.0, -1.0)],
-            Self::Enf | Self::Slb => vec![
-                section("the support of the cracked end", 0.5, 1.0),
-                section("the load in the middle", 1.0, -1.0),
-                section("the other support", 0.5, 1.0),
-            ],
-            Self::Mmb => vec![
-                section("the upper arm, which the lever lifts", lever / half_span, 1.0),
-                section("the support of the cracked end", 0.5 * (half_span - lever) / half_span, 1.0),
-                section("the load in the middle", (half_span + lever) / half_span, -1.0),
-                section("the other support", 0.5 * (half_span + lever) / half_span, 1.0),
-            ],
-            Self::Peel => vec![section("the arm that is pulled", 1.0, 1.0)],
-        }
-    }
-
-    /// Which jump J is drawn over.
-    pub fn mode(self) -> Mode {
-        match self {
-            Self::Dcb => Mode::Opening,
-            Self::Enf => Mode::Sliding,
-            Self::Mmb | Self::Slb | Self::Peel => Mode::Path,
-        }
+/// The sections where loads act, in the order in which a case names them; of bending tests from the cracked end on,
+/// the load of the machine downwards. `span` is half the distance of the supports, `lever` that of the load on the
+/// lever from the middle, mm.
+pub fn sections(layout: Layout, half_span: f64, lever: f64) -> Vec<LoadedSection> {
+    let section = |what, share, along| LoadedSection { what, share, along };
+    match layout {
+        Layout::Dcb => vec![section("the upper arm", 1.0, 1.0), section("the lower arm", 1.0, -1.0)],
+        Layout::Enf | Layout::Slb => vec![
+            section("the support of the cracked end", 0.5, 1.0),
+            section("the load in the middle", 1.0, -1.0),
+            section("the other support", 0.5, 1.0),
+        ],
+        Layout::Mmb => vec![
+            section("the upper arm, which the lever lifts", lever / half_span, 1.0),
+            section("the support of the cracked end", 0.5 * (half_span - lever) / half_span, 1.0),
+            section("the load in the middle", (half_span + lever) / half_span, -1.0),
+            section("the other support", 0.5 * (half_span + lever) / half_span, 1.0),
+        ],
+        Layout::Peel => vec![section("the arm that is pulled", 1.0, 1.0)],
     }
 }
 
@@ -88,6 +49,15 @@ pub enum Mode {
 }
 
 impl Mode {
+    /// That of a test.
+    pub fn of(layout: Layout) -> Self {
+        match layout {
+            Layout::Dcb => Self::Opening,
+            Layout::Enf => Self::Sliding,
+            Layout::Mmb | Layout::Slb | Layout::Peel => Self::Path,
+        }
+    }
+
     /// Name of the jump and of the traction.
     pub fn names(self) -> [&'static str; 2] {
         match self {
