@@ -49,7 +49,7 @@ pub use mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};
 pub use metrology::metrology_page;
 pub use picture::{Area, Picture};
 pub use plot::{Axis, Plot, PlotSeries, Style};
-pub use reduction::{ReductionRecord, Source};
+pub use reduction::ReductionRecord;
 pub use scale::Palette;
 
 use crate::field::QuantityError;

@@ -10,15 +10,6 @@ use crate::remark::Remark;
 use serde::Serialize;
 use std::io::{self, Write};
 
-/// What was reduced.
-#[derive(Debug, Clone)]
-pub struct Source {
-    /// The case file.
-    pub case: String,
-    /// The specimen.
-    pub specimen: Specimen,
-}
-
 /// A number with its standard uncertainty, as it is written.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct WithStd {
@@ -99,28 +90,16 @@ pub struct ResultRecord {
 pub struct TractionRecord {
     /// The method whose J it is the slope of.
     pub of: &'static str,
-    /// The jump that it is drawn over: opening, sliding, or the path of both.
+    /// The jump that it is drawn over: opening, sliding, or both together.
     pub over: &'static str,
-    /// By what the noise that is stated had to be multiplied.
-    pub noise_factor: f64,
-    /// Separations, mm, and all else there.
-    pub separation_mm: Vec<f64>,
-    /// MPa.
-    #[serde(rename = "traction_MPa")]
-    pub traction_mpa: Vec<f64>,
-    /// MPa.
-    #[serde(rename = "std_MPa")]
-    pub std_mpa: Vec<f64>,
-    /// Half of the 95 % band that holds at all places together, MPa.
-    #[serde(rename = "half_of_all_MPa")]
-    pub half_of_all_mpa: Vec<f64>,
-    /// Whether the test was there.
-    pub visited: Vec<bool>,
+    /// The curve; `noise_factor` is what the stated variances had to be multiplied by.
+    #[serde(flatten)]
+    pub curve: TractionCurve,
 }
 
 impl ReductionRecord {
-    /// That of `found`.
-    pub fn new(source: &Source, found: &Reduction) -> Self {
+    /// That of `found` for the `specimen` of the file `case`.
+    pub fn new(case: String, specimen: &Specimen, found: Reduction) -> Self {
         let result = |(name, value): (String, Value)| {
             let of_line = |line: &crate::reduction::BudgetLine| {
                 let change = line.changes.iter().find(|(other, _)| *other == name)?.1;
@@ -131,16 +110,11 @@ impl ReductionRecord {
             let all = Value { value: value.value, sigma: variance.sqrt() };
             ResultRecord { name, value: all.into(), std_measured: value.sigma, by_constant }
         };
-        let mode = Mode::of(source.specimen.layout);
+        let over = Mode::of(specimen.layout).names()[0];
         let traction = |(method, curve): &(Method, TractionCurve)| TractionRecord {
             of: method.name(),
-            over: mode.names()[0],
-            noise_factor: curve.noise_factor(),
-            separation_mm: curve.separation_mm.clone(),
-            traction_mpa: curve.traction_mpa.clone(),
-            std_mpa: curve.std_mpa.clone(),
-            half_of_all_mpa: curve.half_of_all_mpa.clone(),
-            visited: curve.visited.clone(),
+            over,
+            curve: curve.clone(),
         };
         let frame = |place: f64| {
             let at = |k: usize| found.instants.get(k).map(|instant| instant.frame as f64);
@@ -150,8 +124,8 @@ impl ReductionRecord {
         let noted = found.methods.iter().filter(|result| !result.note.is_empty());
         Self {
             quadrille: env!("CARGO_PKG_VERSION"),
-            case: source.case.clone(),
-            layout: source.specimen.layout.name(),
+            case,
+            layout: specimen.layout.name(),
             initial_compliance_mm_per_n: found.line.map(|line| line.compliance_mm_per_n),
             slack_mm: found.line.map(|line| line.slack_mm),
             growth_begins_at_frame: (found.begins.iter())
@@ -163,8 +137,8 @@ impl ReductionRecord {
             remarks: found.remarks.clone(),
             traction: found.traction.as_ref().map(traction),
             no_traction: found.no_traction,
-            found: found.clone(),
-            specimen: source.specimen,
+            specimen: *specimen,
+            found,
         }
     }
 
@@ -201,17 +175,14 @@ impl ReductionRecord {
     /// # Errors
     /// Those of `out`.
     pub fn write_traction<W: Write>(&self, out: W) -> io::Result<()> {
-        let Some(curve) = &self.traction else { return Ok(()) };
+        let Some(TractionRecord { of, over, curve }) = &self.traction else { return Ok(()) };
         let columns = to_strings(&["visited", "separation_mm", "traction_MPa", "std_MPa", "half_of_all_MPa"]);
         let row = |k: usize| {
             let values =
                 [&curve.separation_mm, &curve.traction_mpa, &curve.std_mpa, &curve.half_of_all_mpa].map(|of| of[k]);
             (vec![u64::from(curve.visited[k])], values.to_vec())
         };
-        let about = format!(
-            "slope of {} over the {} at the initial tip; bands: 95 %, at all places together",
-            curve.of, curve.over
-        );
+        let about = format!("slope of {of} over the {over} at the initial tip; bands: 95 %, at all places together");
         write_table(out, &[version(), about], &columns, (0..curve.separation_mm.len()).map(row))
     }
 
@@ -272,10 +243,10 @@ impl ReductionRecord {
             let caption = "Each method over its own crack: measured, or that of a beam of the same compliance";
             plots.push(("resistance", plot, caption.to_owned()));
         }
-        if let Some(curve) = &self.traction {
+        if let Some(TractionRecord { of, curve, .. }) = &self.traction {
             let shown =
                 curve.traction_mpa.iter().zip(&curve.visited).map(|(t, seen)| if *seen { *t } else { f64::NAN });
-            let series = PlotSeries::new(curve.of, Style::Line, curve.separation_mm.clone(), shown.collect());
+            let series = PlotSeries::new(*of, Style::Line, curve.separation_mm.clone(), shown.collect());
             let half = curve.half_of_all_mpa.clone();
             let y = Axis::linear(format!("{traction} (MPa)"));
             let label = format!("{over} at the initial tip (mm)");

@@ -9,7 +9,7 @@ use crate::io::store::Store;
 use crate::plane::Point;
 use crate::reduction::{Instant, Layout, LoadedSection, Mode, Specimen, reduce as reduce_instants, sections};
 use crate::remark::Remark;
-use crate::report::{ReductionRecord, Source};
+use crate::report::ReductionRecord;
 use crate::run::folder::record::Record;
 use crate::run::folder::run_folder::{REDUCTION, RunFolder, correlation_in};
 use crate::run::look::quantities::{load, resolve};
@@ -27,7 +27,7 @@ pub fn reduce(path: &Path, output: &Path, overwrite: bool) -> Result<ReductionRe
     let asked = case.reduction.clone().ok_or_else(|| {
         format!("{}: there is no table [reduction]; give its layout, width_mm, and run or table", path.display())
     })?;
-    let (specimen, source) = (specimen(&asked)?, path.display().to_string());
+    let specimen = specimen(&asked)?;
     let ((instants, remarks), length_scale_std) = match (&asked.run, &asked.table) {
         (Some(run), None) => of_run(&case, &asked, &specimen, &case.resolve(run))?,
         (None, Some(table)) => (of_table(&asked, &case.resolve(table))?, 0.0),
@@ -36,7 +36,7 @@ pub fn reduce(path: &Path, output: &Path, overwrite: bool) -> Result<ReductionRe
     let specimen = Specimen { length_scale_std, ..specimen };
     let mut found = reduce_instants(&specimen, &instants).map_err(|error| format!("[reduction] {error}"))?;
     found.remarks.splice(0..0, remarks);
-    let record = ReductionRecord::new(&Source { case: source, specimen }, &found);
+    let record = ReductionRecord::new(path.display().to_string(), &specimen, found);
     let is_output = |run: &String| {
         let places = [case.resolve(run).canonicalize(), output.canonicalize()];
         matches!(places, [Ok(run), Ok(output)] if run == output)

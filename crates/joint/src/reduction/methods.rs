@@ -98,19 +98,44 @@ fn carry<const N: usize>(inputs: [Value; N], of: impl Fn([f64; N]) -> Option<f64
 
 const NO_CRACK: &str =
     "no length of the crack: give crack_opening_mm (the separation where it ends), an opening and crack_mm";
-const NO_DISPLACEMENT: &str =
-    "no displacement of the loads: name the sections where they act, or a column displacement";
-const NO_ARM: &str = "arm_mm is missing";
+/// What methods look at.
+#[derive(Clone, Copy)]
+pub(super) struct Test<'a> {
+    pub(super) specimen: &'a Specimen,
+    pub(super) instants: &'a [Instant],
+    pub(super) line: Option<&'a StraightLine>,
+    pub(super) begins: &'a [(Definition, f64)],
+    /// Whether the joint is opened further at each instant.
+    pub(super) grows: &'a [bool],
+}
+
+impl Test<'_> {
+    /// The section of an arm; the error says that its thickness is missing.
+    fn section(&self) -> Result<Section, String> {
+        let arm = self.specimen.arm_mm.ok_or("arm_mm is missing")?.value;
+        Ok(Section { width: self.specimen.width_mm.value, arm })
+    }
+
+    /// The displacement of the load without what it takes before the load rises.
+    fn displacement(&self, instant: &Instant) -> Option<Value> {
+        let slack = self.line.map_or(0.0, |line| line.slack_mm);
+        instant.displacement_mm.map(|u| Value { value: u.value - slack, ..u })
+    }
+
+    /// Says that no displacement is known.
+    fn needs_displacement(&self) -> Result<(), String> {
+        match self.instants.iter().any(|instant| instant.displacement_mm.is_some()) {
+            true => Ok(()),
+            false => {
+                Err("no displacement of the loads: name the sections where they act, or a column displacement".into())
+            }
+        }
+    }
+}
 
 /// What `method` says of a test; the error is what it lacks.
-pub(super) fn evaluate(
-    method: Method,
-    specimen: &Specimen,
-    instants: &[Instant],
-    line: Option<&StraightLine>,
-    begins: &[(Definition, f64)],
-    grows: &[bool],
-) -> Result<MethodResult, String> {
+pub(super) fn evaluate(method: Method, test: Test<'_>) -> Result<MethodResult, String> {
+    let Test { specimen, instants, begins, grows, .. } = test;
     let n = instants.len();
     let mut result = MethodResult {
         method,
@@ -122,7 +147,6 @@ pub(super) fn evaluate(
         scatter: 0.0,
         note: String::new(),
     };
-    let displacement = |instant: &Instant| less_slack(instant, line);
     let b = specimen.width_mm.value;
     match method {
         Method::Rotation => {
@@ -138,14 +162,12 @@ pub(super) fn evaluate(
             if instants.iter().all(|instant| instant.crack_mm.is_none()) {
                 return Err(NO_CRACK.into());
             }
-            if instants.iter().all(|instant| instant.displacement_mm.is_none()) {
-                return Err(NO_DISPLACEMENT.into());
-            }
+            test.needs_displacement()?;
             // While it grows: before, a compliance that changes is none of the crack.
             let seen = begins.iter().find(|(definition, _)| *definition == Definition::Visual);
             let first = seen.map_or(f64::INFINITY, |(_, at)| *at);
             let of = |(k, instant): (usize, &Instant)| {
-                let (crack, u) = (instant.crack_mm?.value, displacement(instant)?.value);
+                let (crack, u) = (instant.crack_mm?.value, test.displacement(instant)?.value);
                 let used = grows[k] && k as f64 >= first && crack > 0.0 && u > 0.0 && instant.load_n.value > 0.0;
                 used.then_some((crack, u / instant.load_n.value))
             };
@@ -179,12 +201,13 @@ pub(super) fn evaluate(
                 Some(of(load, u, a, fitted, b))
             };
             for (release, instant) in result.release.iter_mut().zip(instants) {
-                let inputs = displacement(instant).zip(instant.crack_mm).map(|(u, a)| [instant.load_n, u, a, fitted]);
+                let inputs =
+                    test.displacement(instant).zip(instant.crack_mm).map(|(u, a)| [instant.load_n, u, a, fitted]);
                 *release = inputs.and_then(|inputs| carry(inputs, by));
             }
         }
-        Method::EquivalentCrack => equivalent_crack(specimen, instants, line, &mut result)?,
-        Method::MixedModeBending => mixed_mode_bending(specimen, instants, line, &mut result)?,
+        Method::EquivalentCrack => equivalent_crack(test, &mut result)?,
+        Method::MixedModeBending => mixed_mode_bending(test, &mut result)?,
     }
     if result.release.iter().all(Option::is_none) {
         return Err("it has no value at any instant".into());
@@ -221,12 +244,8 @@ fn summarise(result: &mut MethodResult, begins: &[(Definition, f64)], grows: &[b
 }
 
 /// Young's modulus: that of the case, or the one that gives the initial compliance with the initial crack by `of`.
-fn modulus(
-    specimen: &Specimen,
-    line: Option<&StraightLine>,
-    note: &mut String,
-    of: impl Fn(f64, f64) -> f64,
-) -> Result<Value, String> {
+fn modulus(test: Test<'_>, note: &mut String, of: impl Fn(f64, f64) -> f64) -> Result<Value, String> {
+    let Test { specimen, line, .. } = test;
     // What is stated is a line of the budget.
     if let Some(young) = specimen.young_mpa {
         return Ok(Value { value: young.value, sigma: 0.0 });
@@ -250,40 +269,32 @@ fn modulus(
     Ok(Value { value: low, sigma: low * line.compliance_std / line.compliance_mm_per_n })
 }
 
-fn equivalent_crack(
-    specimen: &Specimen,
-    instants: &[Instant],
-    line: Option<&StraightLine>,
-    result: &mut MethodResult,
-) -> Result<(), String> {
-    let arm = specimen.arm_mm.ok_or(NO_ARM)?.value;
-    let section = Section { width: specimen.width_mm.value, arm };
+fn equivalent_crack(test: Test<'_>, result: &mut MethodResult) -> Result<(), String> {
+    let (specimen, section) = (test.specimen, test.section()?);
     let shear = specimen.shear_mpa;
     let half = match (specimen.layout, specimen.half_span_mm) {
         (Layout::Enf, None) => return Err("half_span_mm is missing".into()),
         (_, half) => half.unwrap_or(0.0),
     };
-    if instants.iter().all(|instant| instant.displacement_mm.is_none()) {
-        return Err(NO_DISPLACEMENT.into());
-    }
+    test.needs_displacement()?;
     let enf = specimen.layout == Layout::Enf;
     let compliance = move |crack: f64, moduli: Moduli| match enf {
         true => beams::enf_compliance(crack, half, section, moduli),
         false => beams::dcb_compliance(crack, section, moduli),
     };
     // A beam whose arms turn at the tip is longer than the crack.
-    let young = modulus(specimen, line, &mut result.note, |young, crack| {
+    let young = modulus(test, &mut result.note, |young, crack| {
         let moduli = Moduli { young, shear };
-        let longer = beams::root_correction(arm, moduli) * if enf { 0.42 } else { 1.0 };
+        let longer = beams::root_correction(section.arm, moduli) * if enf { 0.42 } else { 1.0 };
         compliance(crack + longer, moduli)
     })?;
     if shear.is_none() {
         let more = "shear of the arms is left out (no G_MPa)";
         result.note = if result.note.is_empty() { more.into() } else { format!("{}; {more}", result.note) };
     }
-    for (k, instant) in instants.iter().enumerate() {
+    for (k, instant) in test.instants.iter().enumerate() {
         result.crack_mm[k] = None;
-        let Some(u) = less_slack(instant, line).filter(|_| instant.load_n.value > 0.0) else { continue };
+        let Some(u) = test.displacement(instant).filter(|_| instant.load_n.value > 0.0) else { continue };
         let crack = |[load, u, young]: [f64; 3]| {
             let moduli = Moduli { young, shear };
             beams::equivalent_crack(u / load, 1e5, |crack| compliance(crack, moduli))
@@ -302,29 +313,17 @@ fn equivalent_crack(
     Ok(())
 }
 
-/// The displacement of the load without what it takes before the load rises.
-fn less_slack(instant: &Instant, line: Option<&StraightLine>) -> Option<Value> {
-    let slack = line.map_or(0.0, |line| line.slack_mm);
-    instant.displacement_mm.map(|u| Value { value: u.value - slack, ..u })
-}
-
-fn mixed_mode_bending(
-    specimen: &Specimen,
-    instants: &[Instant],
-    line: Option<&StraightLine>,
-    result: &mut MethodResult,
-) -> Result<(), String> {
-    let arm = specimen.arm_mm.ok_or(NO_ARM)?.value;
-    let section = Section { width: specimen.width_mm.value, arm };
+fn mixed_mode_bending(test: Test<'_>, result: &mut MethodResult) -> Result<(), String> {
+    let (specimen, section) = (test.specimen, test.section()?);
     let (Some(half), Some(lever)) = (specimen.half_span_mm, specimen.lever_mm) else {
         return Err("half_span_mm and lever_mm are needed".into());
     };
-    let chi = |young: f64| beams::root_correction(arm, Moduli { young, shear: specimen.shear_mpa });
-    let young = modulus(specimen, line, &mut result.note, |young, crack| {
+    let chi = |young: f64| beams::root_correction(section.arm, Moduli { young, shear: specimen.shear_mpa });
+    let young = modulus(test, &mut result.note, |young, crack| {
         beams::mmb_compliance(crack, [half, lever], section, young, chi(young))
     })?;
     let (young, chi_h) = (young.value, chi(young.value));
-    for (k, instant) in instants.iter().enumerate() {
+    for (k, instant) in test.instants.iter().enumerate() {
         // Measured, or that of the beam's compliance.
         let of_beam = |[load, u]: [f64; 2]| {
             beams::equivalent_crack(u / load, 1e5, |crack| {
@@ -335,7 +334,7 @@ fn mixed_mode_bending(
         if instant.load_n.value <= 0.0 {
             continue;
         }
-        let (release, crack) = match (instant.crack_mm, less_slack(instant, line)) {
+        let (release, crack) = match (instant.crack_mm, test.displacement(instant)) {
             (Some(crack), _) => {
                 (carry([instant.load_n, crack], |[p, a]| Some(parts(p, a).iter().sum())), Some(crack.value))
             }

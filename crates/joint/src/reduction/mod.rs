@@ -16,7 +16,7 @@ pub use traction::TractionCurve;
 use crate::field::Value;
 use crate::remark::Remark;
 use compliance::{begins, largest_load, straight_line};
-use methods::evaluate;
+use methods::{Test, evaluate};
 use thiserror::Error;
 use traction::{COMMON, Sample, Smoothness, traction};
 
@@ -90,8 +90,6 @@ pub struct Reduction {
 pub struct BudgetLine {
     /// The constant.
     pub name: &'static str,
-    /// Its standard uncertainty, relative.
-    pub relative_std: f64,
     /// Each result and its change, in its unit.
     pub changes: Vec<(String, f64)>,
 }
@@ -137,7 +135,7 @@ pub fn reduce(specimen: &Specimen, instants: &[Instant]) -> Result<Reduction, Re
             let there = after.iter().find(|(other, _)| other == name)?;
             Some((name.clone(), there.1.value - value.value))
         };
-        found.budget.push(BudgetLine { name, relative_std, changes: before.iter().filter_map(change).collect() });
+        found.budget.push(BudgetLine { name, changes: before.iter().filter_map(change).collect() });
     };
     let up = |value: Value| Value { value: value.value + value.sigma, ..value };
     let relative = |value: Option<Value>| value.map_or(0.0, |value| (value.sigma / value.value).abs());
@@ -190,9 +188,10 @@ fn reduce_once(
         .collect();
     let grows = loading(&instants);
     remarks.extend(remarks::unloading(&instants, &grows));
+    let test = Test { specimen, instants: &instants, line: line.as_ref(), begins: &begins, grows: &grows };
     let (mut methods, mut missing) = (Vec::new(), Vec::new());
     for method in Method::of(specimen.layout) {
-        match evaluate(method, specimen, &instants, line.as_ref(), &begins, &grows) {
+        match evaluate(method, test) {
             Ok(result) => methods.push(result),
             Err(lacks) => missing.push((method, lacks)),
         }

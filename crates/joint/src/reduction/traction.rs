@@ -8,6 +8,7 @@ use crate::linalg::{Dense, DenseCholesky};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use serde::Serialize;
 
 /// Intervals between knots.
 const INTERVALS: usize = 22;
@@ -47,41 +48,44 @@ pub(super) struct Sample {
 pub(super) const COMMON: usize = 3;
 
 /// Traction over separation, as far as the test went.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TractionCurve {
     /// Separations, mm.
     pub separation_mm: Vec<f64>,
     /// Traction, MPa.
+    #[serde(rename = "traction_MPa")]
     pub traction_mpa: Vec<f64>,
     /// Its standard uncertainty, MPa: images, loads, width and gain of the load cell.
+    #[serde(rename = "std_MPa")]
     pub std_mpa: Vec<f64>,
     /// Half of the 95 % band that holds at all places together, MPa.
+    #[serde(rename = "half_of_all_MPa")]
     pub half_of_all_mpa: Vec<f64>,
     /// Whether the test was there: a sample lies within a tenth of the range in u.
     pub visited: Vec<bool>,
     /// The largest traction, MPa, where the test was.
+    #[serde(skip)]
     pub peak_mpa: Value,
     /// Where it is, mm.
+    #[serde(skip)]
     pub peak_at_mm: Value,
     /// Work up to the largest separation, N/mm.
+    #[serde(skip)]
     pub work_n_per_mm: Value,
+    #[serde(flatten)]
     pub(super) smoothness: Smoothness,
 }
 
-impl TractionCurve {
-    /// By what the stated variances had to be multiplied.
-    pub fn noise_factor(&self) -> f64 {
-        self.smoothness.noise_factor
-    }
-}
-
 /// How smooth a curve is.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Smoothness {
     /// Scale of u, by the largest separation.
+    #[serde(rename = "scale_share")]
     share: f64,
+    /// By what the stated variances had to be multiplied.
     noise_factor: f64,
     /// Decimal logarithm of lambda.
+    #[serde(rename = "log10_lambda")]
     exponent: f64,
 }
 
@@ -474,7 +478,7 @@ mod tests {
         let mut more = samples(40, 0.06, [0.0, 0.02], 3);
         more.iter_mut().for_each(|sample| sample.release.sigma = 0.005);
         let found = traction(&more, None).unwrap();
-        assert!((8.0..=32.0).contains(&found.noise_factor()), "16 is true: {}", found.noise_factor());
+        assert!((8.0..=32.0).contains(&found.smoothness.noise_factor), "16 is true: {}", found.smoothness.noise_factor);
         assert!(traction(&more[..5], None).is_none());
     }
 }
