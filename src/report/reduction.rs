@@ -23,7 +23,7 @@ impl WithStd {
     fn in_words(self) -> String {
         let value = significant(self.value, 4);
         // Nothing is exact: nobody has said how uncertain load and displacement are.
-        if self.std > 0.0 {
+        if self.std > 1e-12 * self.value.abs() {
             format!("{value} \u{b1} {}", significant(self.std, 2))
         } else {
             format!("{value} (no uncertainty is stated)")

@@ -72,6 +72,8 @@ pub struct MethodResult {
     pub growth: Option<Value>,
     /// Scatter about that mean, N/mm.
     pub scatter: f64,
+    /// Young's modulus that the initial compliance asks for with the initial crack, MPa.
+    pub young_of_compliance: Option<Value>,
     /// What was fitted for it, in words; empty for nothing.
     pub note: String,
 }
@@ -145,6 +147,7 @@ pub(super) fn evaluate(method: Method, test: Test<'_>) -> Result<MethodResult, S
         at_begin: Vec::new(),
         growth: None,
         scatter: 0.0,
+        young_of_compliance: None,
         note: String::new(),
     };
     let b = specimen.width_mm.value;
@@ -243,30 +246,28 @@ fn summarise(result: &mut MethodResult, begins: &[(Definition, f64)], grows: &[b
     result.growth = Some(Value { value: mean, sigma: sigma.hypot(result.scatter / n.sqrt()) });
 }
 
-/// Young's modulus: that of the case, or the one that gives the initial compliance with the initial crack by `of`.
-fn modulus(test: Test<'_>, note: &mut String, of: impl Fn(f64, f64) -> f64) -> Result<Value, String> {
-    let Test { specimen, line, .. } = test;
+/// Young's modulus: that of the case, or the one that gives the initial compliance with the initial crack by `of`, which
+/// is noted in the result.
+fn modulus(test: Test<'_>, result: &mut MethodResult, of: impl Fn(f64, f64) -> f64) -> Result<Value, String> {
+    if let (Some(crack), Some(line)) = (test.specimen.crack_mm, test.line) {
+        // Stiffer arms, less compliance.
+        let (mut low, mut high) = (1e-9, 1e15);
+        for _ in 0..200 {
+            let middle = f64::sqrt(low * high);
+            *(if of(middle, crack.value) > line.compliance_mm_per_n { &mut low } else { &mut high }) = middle;
+        }
+        let sigma = low * line.compliance_std / line.compliance_mm_per_n;
+        result.young_of_compliance = Some(Value { value: low, sigma });
+    }
     // What is stated is a line of the budget.
-    if let Some(young) = specimen.young_mpa {
+    if let Some(young) = test.specimen.young_mpa {
         return Ok(Value { value: young.value, sigma: 0.0 });
     }
-    let (Some(crack), Some(line)) = (specimen.crack_mm, line) else {
-        return Err("give E_MPa, or crack_mm and a straight begin of the curve, of which it follows".into());
-    };
-    // Stiffer arms, less compliance.
-    let (mut low, mut high) = (1.0, 1e7);
-    if !(of(low, crack.value) > line.compliance_mm_per_n && line.compliance_mm_per_n > of(high, crack.value)) {
-        return Err(format!(
-            "no modulus from 1 to 1e7 MPa gives the initial compliance {:.4e} mm/N with crack_mm = {}",
-            line.compliance_mm_per_n, crack.value
-        ));
-    }
-    for _ in 0..100 {
-        let middle = f64::sqrt(low * high);
-        *(if of(middle, crack.value) > line.compliance_mm_per_n { &mut low } else { &mut high }) = middle;
-    }
-    *note = format!("E_f = {low:.0} MPa, of the initial compliance {:.4e} mm/N", line.compliance_mm_per_n);
-    Ok(Value { value: low, sigma: low * line.compliance_std / line.compliance_mm_per_n })
+    let young = result.young_of_compliance;
+    let young = young.ok_or("give E_MPa, or crack_mm and a straight begin of the curve, of which it follows")?;
+    let compliance = test.line.map_or(0.0, |line| line.compliance_mm_per_n);
+    result.note = format!("E_f = {:.0} MPa, of the initial compliance {compliance:.4e} mm/N", young.value);
+    Ok(young)
 }
 
 fn equivalent_crack(test: Test<'_>, result: &mut MethodResult) -> Result<(), String> {
@@ -283,7 +284,7 @@ fn equivalent_crack(test: Test<'_>, result: &mut MethodResult) -> Result<(), Str
         false => beams::dcb_compliance(crack, section, moduli),
     };
     // A beam whose arms turn at the tip is longer than the crack.
-    let young = modulus(test, &mut result.note, |young, crack| {
+    let young = modulus(test, result, |young, crack| {
         let moduli = Moduli { young, shear };
         let longer = beams::root_correction(section.arm, moduli) * if enf { 0.42 } else { 1.0 };
         compliance(crack + longer, moduli)
@@ -319,9 +320,8 @@ fn mixed_mode_bending(test: Test<'_>, result: &mut MethodResult) -> Result<(), S
         return Err("half_span_mm and lever_mm are needed".into());
     };
     let chi = |young: f64| beams::root_correction(section.arm, Moduli { young, shear: specimen.shear_mpa });
-    let young = modulus(test, &mut result.note, |young, crack| {
-        beams::mmb_compliance(crack, [half, lever], section, young, chi(young))
-    })?;
+    let young =
+        modulus(test, result, |young, crack| beams::mmb_compliance(crack, [half, lever], section, young, chi(young)))?;
     let (young, chi_h) = (young.value, chi(young.value));
     for (k, instant) in test.instants.iter().enumerate() {
         // Measured, or that of the beam's compliance.

@@ -97,11 +97,13 @@ pub struct BudgetLine {
 impl Reduction {
     /// The results as numbers, each with its name.
     pub fn numbers(&self) -> Vec<(String, Value)> {
+        let largest = largest_load(&self.instants);
         let of_method = |result: &MethodResult| {
             let name = |what: &str| format!("{} {what} (N/mm)", result.method.name());
             let begins: Vec<(String, Value)> =
                 result.at_begin.iter().map(|(definition, value)| (name(definition.name()), *value)).collect();
-            begins.into_iter().chain(result.growth.map(|value| (name("growth"), value)))
+            let at_largest = largest.and_then(|k| result.release[k]).map(|value| (name("at the largest load"), value));
+            begins.into_iter().chain(at_largest).chain(result.growth.map(|value| (name("growth"), value)))
         };
         let curve = self.traction.as_ref().map(|(_, curve)| curve);
         let of_curve = curve.into_iter().flat_map(|curve| {
@@ -211,6 +213,7 @@ fn reduce_once(
         }
         remarks.extend(remarks::falls(&instants, by_rotation, &grows, Mode::of(specimen.layout)));
     }
+    remarks.extend(methods.iter().find_map(|result| remarks::implausible(result, specimen)));
     remarks.extend(remarks::disagree(&methods));
     let mut traction = None;
     for result in &methods {

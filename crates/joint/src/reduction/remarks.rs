@@ -2,13 +2,18 @@
 
 use super::compliance::StraightLine;
 use super::methods::MethodResult;
-use super::specimen::{Instant, Mode};
+use super::specimen::{Instant, Mode, Specimen};
 use crate::remark::{About, Code, Remark};
 
 /// Slack by the displacement at the end of the straight begin that is worth a word.
 const SLACK: f64 = 0.05;
-/// Difference of two methods, relative, that is worth a word when both uncertainties do not explain it.
-const DIFFERENT: f64 = 0.05;
+/// Difference of two methods, relative, that is worth a word when both uncertainties do not explain it: a fracture zone
+/// as long as an arm costs beam theory some 7 %.
+const DIFFERENT: f64 = 0.15;
+/// By what a stated modulus may be off the one that the initial compliance asks for: a soft adhesive costs a third.
+const MODULUS: f64 = 3.0;
+/// Moduli of arms, MPa: wood across the grain to carbon fibres along them.
+const YOUNG: [f64; 2] = [100.0, 5e5];
 
 fn numbers(instants: &[Instant], which: impl Fn(usize) -> bool) -> Vec<usize> {
     instants.iter().enumerate().filter(|(k, _)| which(*k)).map(|(_, instant)| instant.frame).collect()
@@ -68,6 +73,21 @@ pub(super) fn falls(instants: &[Instant], result: &MethodResult, grows: &[bool],
         list(&fallen)
     );
     (!fallen.is_empty()).then(|| Remark::new(Code::ReductionFalls, About::Instants(fallen), text))
+}
+
+/// The initial compliance asks for a modulus that the arms cannot have: a length, a load or a modulus has another unit.
+pub(super) fn implausible(result: &MethodResult, specimen: &Specimen) -> Option<Remark> {
+    let found = result.young_of_compliance?.value;
+    let text = match specimen.young_mpa.map(|young| young.value) {
+        Some(stated) if !(1.0 / MODULUS..MODULUS).contains(&(found / stated)) => format!("E_MPa = {stated}, but "),
+        None if !(YOUNG[0]..YOUNG[1]).contains(&found) => String::new(),
+        _ => return None,
+    };
+    let text = format!(
+        "{text}the initial compliance asks for a modulus of {found:.3e} MPa with this width, arm and crack: is one of them, or the load, \
+         in another unit?"
+    );
+    Some(Remark::new(Code::MaterialImplausible, About::Parameter("E_MPa".into()), text).with("value_MPa", found))
 }
 
 /// Two methods that differ by more than their uncertainties.
