@@ -12,6 +12,7 @@ displacements of sections of 3 mm, the jump at the tip. The tables are reduced, 
     points    share of the places (those of the computed tip) at which the band of one place holds the traction
     all       seeds whose band at all places together holds at 95 % of them
     peak      peak traction, error over standard uncertainty, rms
+    s         time of a reduction with its figures and page, median
 
 Much noise and corners fail the last two today (docs/reduction.md). Exit status 1 when a limit fails: J within 1 % of the work in the mean of all double cantilever beams, z 0.7 to 1.3, points 90 to
 100 %, all in 85 % of the seeds. No package is needed."""
@@ -25,6 +26,7 @@ import random
 import subprocess
 import sys
 import tempfile
+import time
 
 PX, WIDTH, FORCE_STD = 0.04, 25.0, 0.3
 BILINEAR = "K_MPa_per_mm = 2000.0\nT_n0_MPa = 12.0\nT_t0_MPa = 12.0\nG_Ic_N_per_mm = 0.5\nG_IIc_N_per_mm = 0.8\neta = 2.0\n"
@@ -148,13 +150,14 @@ def scene(program, kind, law, noise_px, seeds):
         tips = [made[3][k] for k in sorted(made[3])]
         (folder / "case.toml").write_text(f"[reduction]\nlayout = '{kind}'\ntable = 'series.csv'\nwidth_mm = {WIDTH}\narm_mm = {arm}\n"
                                           f"crack_mm = {crack}\nE_MPa = 78554.6\nG_MPa = 26316.0\n{more}")
-        ratio, z, points, together, peaks = [], [], [], 0, []
+        ratio, z, points, together, peaks, times = [], [], [], 0, [], []
         along = lambda tip: math.hypot(*(m * v for m, v in zip(MODE[kind], tip[:2])))
         pulled = lambda tip: sum(m * t * v for m, t, v in zip(MODE[kind], tip[2:], tip[:2])) / max(along(tip), 1e-12)
         for seed in range(seeds):
             exact = table(folder / "series.csv", made, sections, noise_px, 1000 * seed + 7)
-            out = folder / f"r{seed}"
+            out, begin = folder / f"r{seed}", time.perf_counter()
             done = subprocess.run([program, "reduce", folder / "case.toml", "--output", out, "--quiet"], capture_output=True, text=True)
+            times.append(time.perf_counter() - begin)
             if done.returncode:
                 print(f"{kind} {law} {noise_px} px, seed {seed}: {done.stderr.strip()}")
                 continue
@@ -183,7 +186,7 @@ def scene(program, kind, law, noise_px, seeds):
             peaks.append((found["value"] - max(map(pulled, tips))) / found["std"])
         mean = sum(ratio) / len(ratio)
         return {"scene": f"{kind} {law}", "noise": noise_px, "J": mean, "scatter": rms([r - mean for r in ratio]), "z": rms(z),
-                "points": 100 * sum(points) / max(len(points), 1), "all": together, "peak": rms(peaks)}
+                "points": 100 * sum(points) / max(len(points), 1), "all": together, "peak": rms(peaks), "s": sorted(times)[len(times) // 2]}
 
 
 def main():
@@ -194,15 +197,15 @@ def main():
     parser.add_argument("--output")
     args = parser.parse_args()
     wanted = [(kind, law) for kind in args.only.split(",") for law in (LAWS if kind == "dcb" else ["extended-xu-needleman"])]
-    lines = ["| scene | noise px | J / work | scatter | z of J | points % | all of " + str(args.seeds) + " | z of the peak |",
-             "| --- | --- | --- | --- | --- | --- | --- | --- |"]
+    lines = ["| scene | noise px | J / work | scatter | z of J | points % | all of " + str(args.seeds) + " | z of the peak | s |",
+             "| --- | --- | --- | --- | --- | --- | --- | --- | --- |"]
     failed, means = [], []
     print(*lines, sep="\n", flush=True)
     for kind, law in wanted:
         for noise in (0.03, 0.3):
             r = scene(args.quadrille, kind, law, noise, args.seeds)
             lines.append(f"| {r['scene']} | {noise} | {r['J']:.4f} | {r['scatter']:.4f} | {r['z']:.2f} | {r['points']:.1f} | {r['all']} | "
-                         f"{r['peak']:.2f} |")
+                         f"{r['peak']:.2f} | {r['s']:.2f} |")
             print(lines[-1], flush=True)
             if kind == "dcb" and noise == 0.03:
                 means.append(r["J"])

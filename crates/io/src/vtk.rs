@@ -41,9 +41,10 @@ pub enum VtkError {
 /// `sigma_point_px` and `is_point_value`, the displacement as a value at the point ([`crate::field::PointField`])
 /// beside the coefficient `displacement_px`; and `mark` of both, what is the matter with an element
 /// ([`ElementMark::code`]). With a `strain`, `strain_node` and `strain_element`: three components exx, eyy, exy without
-/// dimension, NaN where they are not known, and of the nodes what follows from them ([`Invariant`]); with one over a window of nodes `strain_window`, `sigma_strain_window` and,
-/// where it is known, `model_error_strain_window` of the nodes. Field data: `converged`, 1 or 0, `status_code`
-/// ([`Status::code`]), and `dynamic_range_grey`. A comment at the head holds `title`, status, units and zone names.
+/// dimension, NaN where they are not known, and of the nodes what follows from them ([`Invariant`]); with one over a
+/// window of nodes `strain_window`, `sigma_strain_window` and, where it is known, `model_error_strain_window` of the
+/// nodes. Field data: `converged`, 1 or 0, `status_code` ([`Status::code`]), and `dynamic_range_grey`. A comment at the
+/// head holds `title`, status, units and zone names.
 ///
 /// # Errors
 /// A dynamic range that is not positive, and the errors of `out`.

@@ -215,13 +215,9 @@ fn reduce_once(
     }
     remarks.extend(methods.iter().find_map(|result| remarks::implausible(result, specimen)));
     remarks.extend(remarks::disagree(&methods));
-    let mut traction = None;
-    for result in &methods {
-        if let Some(curve) = curve_of(specimen, &instants, (result, &grows), smoothness) {
-            traction = Some((result.method, curve));
-            break;
-        }
-    }
+    let curve =
+        |result: &MethodResult| Some((result.method, curve_of(specimen, &instants, (result, &grows), smoothness)?));
+    let traction = methods.iter().find_map(curve);
     let no_traction = traction
         .is_none()
         .then_some("six instants at least with J and a separation at the tip that grows beyond its noise are needed");
