@@ -24,14 +24,14 @@ const RANKS: [(&str, u8); 24] = [
     ("io", 5),
     ("synth", 5),
     ("correlate", 6),
-    ("identify", 7),
-    ("reduction", 6),
+    ("identify", 8),
+    ("reduction", 7),
     ("mechanics", 6),
     ("metrology", 7),
     ("virtual_test", 7),
-    ("report", 8),
-    ("run", 9),
-    ("cli", 10),
+    ("report", 9),
+    ("run", 10),
+    ("cli", 11),
 ];
 
 /// Names that belong to a few places only.

@@ -1,41 +1,17 @@
 //! A reduced test: the record, its tables, its figures and its page.
 
+use super::lap::LapRecord;
 use super::page::{Block, Page, Section};
+use super::with_std::WithStd;
 use super::words::significant;
 use super::{Axis, Picture, Plot, PlotSeries, ReportError, Style, to_strings, version};
 use crate::field::Value;
 use crate::io::joint::write_table;
-use crate::reduction::{Instant, Layout, Method, Mode, Reduction, Specimen, TractionCurve};
+use crate::mechanics::cohesive::CohesiveLaw;
+use crate::reduction::{DirectLaw, Instant, Layout, Mode, Reduction, Specimen, Traction, TractionCurve};
 use crate::remark::Remark;
 use serde::Serialize;
 use std::io::{self, Write};
-
-/// A number with its standard uncertainty, as it is written.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct WithStd {
-    /// The number.
-    pub value: f64,
-    /// Its standard uncertainty.
-    pub std: f64,
-}
-
-impl WithStd {
-    fn in_words(self) -> String {
-        let value = significant(self.value, 4);
-        // Nothing is exact: nobody has said how uncertain load and displacement are.
-        if self.std > 1e-12 * self.value.abs() {
-            format!("{value} \u{b1} {}", significant(self.std, 2))
-        } else {
-            format!("{value} (no uncertainty is stated)")
-        }
-    }
-}
-
-impl From<Value> for WithStd {
-    fn from(Value { value, sigma }: Value) -> Self {
-        Self { value, std: sigma }
-    }
-}
 
 /// `reduction.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -61,8 +37,10 @@ pub struct ReductionRecord {
     pub missing: Vec<(String, String)>,
     /// What is to be looked at.
     pub remarks: Vec<Remark>,
-    /// The traction over the separation.
-    pub traction: Option<TractionRecord>,
+    /// The traction over the separation: of a mixed test along both jumps, then of opening and sliding alone.
+    pub tractions: Vec<TractionRecord>,
+    /// What standards ask of a test: the condition, what was found, and whether it holds.
+    pub checks: Vec<(&'static str, String, bool)>,
     /// Why there is none.
     pub no_traction: Option<&'static str>,
     #[serde(skip)]
@@ -92,9 +70,62 @@ pub struct TractionRecord {
     pub of: &'static str,
     /// The jump that it is drawn over: opening, sliding, or both together.
     pub over: &'static str,
+    /// Opening and sliding at the separations, mm.
+    pub jumps_mm: Vec<[f64; 2]>,
+    /// Work up to the largest separation, and its standard uncertainty, N/mm.
+    #[serde(rename = "work_N_per_mm")]
+    pub work_n_per_mm: [f64; 2],
     /// The curve; `noise_factor` is what the stated variances had to be multiplied by.
     #[serde(flatten)]
     pub curve: TractionCurve,
+    #[serde(skip)]
+    mode: Mode,
+    #[serde(skip)]
+    name: &'static str,
+}
+
+impl TractionRecord {
+    fn new((k, traction): (usize, &Traction)) -> Self {
+        let mode = traction.mode;
+        Self {
+            of: traction.method.name(),
+            over: mode.names()[0],
+            jumps_mm: traction.jumps_mm.clone(),
+            work_n_per_mm: [traction.curve.work_n_per_mm.value, traction.curve.work_n_per_mm.sigma],
+            curve: traction.curve.clone(),
+            mode,
+            name: match mode {
+                _ if k == 0 => "traction",
+                Mode::Sliding => "traction-sliding",
+                _ => "traction-opening",
+            },
+        }
+    }
+
+    /// Name of its table and its figure.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn plot(&self) -> Plot {
+        let Self { of, over, curve, mode, .. } = self;
+        let shown = curve.traction_mpa.iter().zip(&curve.visited).map(|(t, seen)| if *seen { *t } else { f64::NAN });
+        let series = PlotSeries::new(*of, Style::Line, curve.separation_mm.clone(), shown.collect());
+        let y = Axis::linear(format!("{} (MPa)", mode.names()[1]));
+        let label = format!("{over} at the initial tip (mm)");
+        Plot::new("Traction over separation", label, y, [series.with_band(curve.half_of_all_mpa.clone())])
+    }
+}
+
+/// The plot of a traction beside the fitted law.
+pub(crate) fn direct_plot(direct: &DirectLaw, law: &dyn CohesiveLaw) -> Plot {
+    let DirectLaw { of, over, separation_mm, traction_mpa, visited, half_of_all_mpa, .. } = direct;
+    let shown = traction_mpa.iter().zip(visited).map(|(t, seen)| if *seen { *t } else { f64::NAN });
+    let slope = PlotSeries::new(format!("slope of {of}"), Style::Line, separation_mm.clone(), shown.collect());
+    let fitted = PlotSeries::new("fitted law", Style::Line, separation_mm.clone(), direct.of_law(law));
+    let label = format!("{over} at the initial tip (mm)");
+    let all = [slope.with_band(half_of_all_mpa.clone()), fitted];
+    Plot::new("The fitted law beside the slope of J", label, Axis::linear("traction (MPa)"), all)
 }
 
 impl ReductionRecord {
@@ -109,12 +140,6 @@ impl ReductionRecord {
             let variance = value.sigma.powi(2) + by_constant.iter().map(|(_, by)| by * by).sum::<f64>();
             let all = Value { value: value.value, sigma: variance.sqrt() };
             ResultRecord { name, value: all.into(), std_measured: value.sigma, by_constant }
-        };
-        let over = Mode::of(specimen.layout).names()[0];
-        let traction = |(method, curve): &(Method, TractionCurve)| TractionRecord {
-            of: method.name(),
-            over,
-            curve: curve.clone(),
         };
         let frame = |place: f64| {
             let at = |k: usize| found.instants.get(k).map(|instant| instant.frame as f64);
@@ -135,7 +160,8 @@ impl ReductionRecord {
             notes: noted.map(|result| (result.method.name().to_owned(), result.note.clone())).collect(),
             missing: found.missing.iter().map(|(method, lacks)| (method.name().to_owned(), lacks.clone())).collect(),
             remarks: found.remarks.clone(),
-            traction: found.traction.as_ref().map(traction),
+            tractions: found.tractions.iter().enumerate().map(TractionRecord::new).collect(),
+            checks: found.checks.iter().map(|check| (check.what, check.found.clone(), check.holds)).collect(),
             no_traction: found.no_traction,
             specimen: *specimen,
             found,
@@ -170,12 +196,12 @@ impl ReductionRecord {
         write_table(out, &[version(), about], &columns, self.found.instants.iter().enumerate().map(row))
     }
 
-    /// Writes `traction.csv`.
+    /// Writes one of its tractions as a table.
     ///
     /// # Errors
     /// Those of `out`.
-    pub fn write_traction<W: Write>(&self, out: W) -> io::Result<()> {
-        let Some(TractionRecord { of, over, curve }) = &self.traction else { return Ok(()) };
+    pub fn write_traction<W: Write>(&self, traction: &TractionRecord, out: W) -> io::Result<()> {
+        let TractionRecord { of, over, curve, .. } = traction;
         let columns = to_strings(&["visited", "separation_mm", "traction_MPa", "std_MPa", "half_of_all_MPa"]);
         let row = |k: usize| {
             let values =
@@ -226,7 +252,7 @@ impl ReductionRecord {
         let over_jump: Vec<PlotSeries> = (methods.iter())
             .filter_map(|result| Some(named(points(&jump, &|k| result.release[k])?, result.method.name())))
             .collect();
-        let [over, traction] = mode.names();
+        let over = mode.names()[0];
         if !over_jump.is_empty() {
             let label = format!("{over} at the initial tip (mm)");
             let plot = Plot::new("Energy release rate over separation", label, "energy release rate (N/mm)", over_jump);
@@ -243,16 +269,21 @@ impl ReductionRecord {
             let caption = "Each method over its own crack: measured, or that of a beam of the same compliance";
             plots.push(("resistance", plot, caption.to_owned()));
         }
-        if let Some(TractionRecord { of, curve, .. }) = &self.traction {
-            let shown =
-                curve.traction_mpa.iter().zip(&curve.visited).map(|(t, seen)| if *seen { *t } else { f64::NAN });
-            let series = PlotSeries::new(*of, Style::Line, curve.separation_mm.clone(), shown.collect());
-            let half = curve.half_of_all_mpa.clone();
-            let y = Axis::linear(format!("{traction} (MPa)"));
-            let label = format!("{over} at the initial tip (mm)");
-            let plot = Plot::new("Traction over separation", label, y, [series.with_band(half)]);
-            let caption = "The slope of J; band: 95 %, at all places together, of a smooth law: corners are rounded";
-            plots.push(("traction", plot, caption.to_owned()));
+        if mode == Mode::Path {
+            let sliding = |k: usize| instants[k].sliding_mm;
+            let path = points(&|k| Some(instants[k].opening_mm?.value), &sliding);
+            let series = path.map(|path| named(path, "measured"));
+            plots.extend(series.map(|series| {
+                let plot = Plot::new("Path of the tip", "opening (mm)", "sliding (mm)", vec![series]);
+                ("path", plot, "Where it is straight, the traction along both is that of one mix of modes".to_owned())
+            }));
+        }
+        for traction in &self.tractions {
+            let caption = match traction.mode == mode {
+                true => "The slope of J; band: 95 %, at all places together, of a smooth law: corners are rounded",
+                false => "The slope of the share that beam theory gives this mode; band: 95 %, at all places together",
+            };
+            plots.push((traction.name, traction.plot(), caption.to_owned()));
         }
         plots
     }
@@ -280,6 +311,10 @@ impl ReductionRecord {
             vec![method.name().to_owned(), method.in_words().to_owned(), format!("not used: {lacks}")]
         });
         let methods = Block::table(&["method", "what it is", "what was fitted for it"], methods.chain(lacking));
+        let checks = self.checks.iter().map(|(what, found, holds)| {
+            vec![(*what).to_owned(), found.clone(), if *holds { "holds" } else { "does not hold" }.to_owned()]
+        });
+        let checks = Block::table(&["condition", "found", ""], checks);
         let figures = self.plots().into_iter().map(|(_, plot, caption)| Block::curves(&plot, caption));
         Ok(Page {
             title: format!("{} test, reduced", title(self.specimen.layout)),
@@ -287,9 +322,51 @@ impl ReductionRecord {
             sections: vec![
                 Section { title: "Result".into(), blocks },
                 Section { title: "Curves".into(), blocks: vec![Block::Grid(figures.collect::<Result<_, _>>()?)] },
-                Section { title: "Methods".into(), blocks: vec![methods] },
+                Section {
+                    title: "Methods".into(),
+                    blocks: if self.checks.is_empty() { vec![methods] } else { vec![methods, checks] },
+                },
                 Section { title: "Specimen".into(), blocks: vec![Block::Facts(self.facts())] },
             ],
+        })
+    }
+
+    /// The section of the report of a run: the results, and the traction beside the fitted `law`.
+    ///
+    /// # Errors
+    /// A figure without a finite range.
+    pub(crate) fn section(&self, law: Option<&dyn CohesiveLaw>) -> Result<Section, ReportError> {
+        let rows = self.results.iter().map(|result| vec![result.name.clone(), result.value.in_words()]);
+        let results = Block::table(&["result", "value \u{b1} standard uncertainty"], rows);
+        let mut figures = Vec::new();
+        if let (Some(direct), Some(law)) = (self.direct(), law) {
+            let caption = "Band of the slope: 95 %, at all places together";
+            figures.push(Block::curves(&direct_plot(&direct, law), caption.to_owned())?);
+        }
+        for (_, plot, caption) in self.plots() {
+            figures.push(Block::curves(&plot, caption)?);
+        }
+        let more = "The same test without a model, by quadrille reduce; its own report is in the folder reduction.";
+        let mut blocks: Vec<Block> = vec![Block::text(more)];
+        blocks.extend(self.remarks.iter().map(Block::of_remark));
+        blocks.extend([results, Block::Grid(figures)]);
+        Ok(Section { title: "Directly from images and loads".into(), blocks })
+    }
+
+    /// Its traction as a fit compares it.
+    pub(crate) fn direct(&self) -> Option<DirectLaw> {
+        let TractionRecord { of, over, jumps_mm, work_n_per_mm, curve, .. } = self.tractions.first()?;
+        Some(DirectLaw {
+            of: (*of).to_owned(),
+            over: (*over).to_owned(),
+            jumps_mm: jumps_mm.clone(),
+            separation_mm: curve.separation_mm.clone(),
+            traction_mpa: curve.traction_mpa.clone(),
+            std_mpa: curve.std_mpa.clone(),
+            half_of_all_mpa: curve.half_of_all_mpa.clone(),
+            visited: curve.visited.clone(),
+            separation_std_mm: curve.separation_std_mm,
+            work_n_per_mm: *work_n_per_mm,
         })
     }
 
@@ -336,5 +413,83 @@ fn title(layout: Layout) -> &'static str {
         Layout::Mmb => "Mixed-mode bending",
         Layout::Slb => "Single-leg bending",
         Layout::Peel => "Peel",
+        Layout::Lap => "Lap joint",
+    }
+}
+
+/// A reduced test, of loads and rotations or of strains along a lap.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+#[expect(clippy::large_enum_variant, reason = "there is one of them")]
+pub enum ReducedTest {
+    /// J, methods of the standards, tractions.
+    Loads(ReductionRecord),
+    /// The shear traction along a lap.
+    Lap(LapRecord),
+}
+
+impl ReducedTest {
+    /// What is to be looked at.
+    pub fn remarks(&self) -> &[Remark] {
+        match self {
+            Self::Loads(record) => &record.remarks,
+            Self::Lap(record) => &record.remarks,
+        }
+    }
+
+    /// Lines for the terminal: what is missing, and the results.
+    pub fn lines(&self) -> Vec<String> {
+        match self {
+            Self::Loads(record) => {
+                let missing = record.missing.iter().map(|(method, lacks)| format!("{method} is not used: {lacks}"));
+                let no_traction = record.no_traction.iter().map(|why| format!("no traction: {why}"));
+                missing.chain(no_traction).chain(record.lines()).collect()
+            }
+            Self::Lap(record) => record.lines(),
+        }
+    }
+
+    /// The figures, each with its name.
+    ///
+    /// # Errors
+    /// A figure without a finite range.
+    pub fn draw(&self) -> Result<Vec<(&'static str, Picture)>, ReportError> {
+        match self {
+            Self::Loads(record) => record.draw(),
+            Self::Lap(record) => record.draw(),
+        }
+    }
+
+    /// The page.
+    ///
+    /// # Errors
+    /// A figure without a finite range.
+    pub fn page(&self) -> Result<Page, ReportError> {
+        match self {
+            Self::Loads(record) => record.page(),
+            Self::Lap(record) => record.page(),
+        }
+    }
+
+    /// The section of the report of a run, beside the fitted `law`.
+    ///
+    /// # Errors
+    /// A figure without a finite range.
+    pub(crate) fn section(&self, law: Option<&dyn CohesiveLaw>) -> Result<Section, ReportError> {
+        match self {
+            Self::Loads(record) => record.section(law),
+            Self::Lap(record) => {
+                let blocks = record.page()?.sections.into_iter().flat_map(|section| section.blocks).collect();
+                Ok(Section { title: "Directly from images and loads".into(), blocks })
+            }
+        }
+    }
+
+    /// Its traction as a fit compares it; none of a lap, where each place has its own.
+    pub(crate) fn direct(&self) -> Option<DirectLaw> {
+        match self {
+            Self::Loads(record) => record.direct(),
+            Self::Lap(_) => None,
+        }
     }
 }

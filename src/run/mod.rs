@@ -32,6 +32,7 @@ pub(crate) mod words;
 pub use calibration::{Calibrated, Calibrating, calibrate};
 pub use folder::run_folder::{RunFolder, correlation_in};
 pub use frames::busy::Busy;
+pub(crate) use joint::photograph::photograph;
 pub use joint::{
     CaseRun, compare_laws, identify, identify_several, reduce, run_case, simulate, virtual_test, write_virtual_test,
 };

@@ -216,6 +216,11 @@ fn the_tutorial_of_ones_own_test_can_be_followed() {
 }
 
 #[test]
+fn the_tutorial_of_a_double_cantilever_beam_can_be_followed() {
+    drop(follow("dcb.md"));
+}
+
+#[test]
 fn the_tutorial_of_a_large_series_can_be_followed() {
     drop(follow("large-series.md"));
 }

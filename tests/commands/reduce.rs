@@ -3,79 +3,54 @@
 use crate::program::{Desk, remarks};
 use quadrille::mechanics::cohesive::{CohesiveLaw, ExtendedXuNeedleman, Jump};
 use quadrille::remark::Code;
-use quadrille::synth::{Depth, GridField, RenderOptions, Strips, Texture, render};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::sync::OnceLock;
 
-/// mm per px, and where the specimen begins in an image, px.
-const SCALE: f64 = 0.04;
-const LEFT: f64 = 20.0;
-/// Thickness of the adhesive and width of the specimens, mm.
-const BOND: f64 = 0.2;
+/// Width of the specimens of `make specimen --images`, mm.
 const WIDTH: f64 = 25.0;
-/// Standard uncertainty of a force, N.
-const FORCE_STD: f64 = 0.3;
 
-/// A test: lengths in mm, sizes in px.
+/// A test: lengths in mm.
 struct Test {
-    kind: &'static str,
-    length: f64,
+    /// Kind and options of `make specimen`.
+    options: &'static str,
     crack: f64,
-    arm: f64,
-    /// Of the elements of the computation, in rows of an arm.
-    rows: usize,
     opening: f64,
     instants: usize,
-    /// More options of `make specimen`.
-    more: &'static str,
     /// The group of nodes whose reaction the machine's load is.
     loaded: &'static str,
-    /// Row of the mid-line, and size of the images.
-    middle: f64,
-    size: [usize; 2],
 }
 
 const DCB: Test = Test {
-    kind: "dcb",
-    length: 48.0,
+    options: "dcb --length 48 --crack 18 --arm 3 --element 0.3 --rows 10 --adhesive 0.2 --opening 1.1 --instants 24",
     crack: 18.0,
-    arm: 3.0,
-    rows: 10,
     opening: 1.1,
     instants: 24,
-    more: "",
     loaded: "upper_pin",
-    middle: 110.0,
-    size: [1240, 220],
 };
 
 const ENF: Test = Test {
-    kind: "enf",
-    length: 40.0,
+    options: "enf --length 40 --crack 12 --arm 2 --element 0.25 --rows 8 --adhesive 0.2 --opening 0.6 --instants 14",
     crack: 12.0,
-    arm: 2.0,
-    rows: 8,
     opening: 0.6,
     instants: 14,
-    more: "",
     loaded: "middle",
-    middle: 80.0,
-    size: [1040, 160],
 };
 
-const MMB: Test = Test { kind: "mmb", more: "--lever 14", loaded: "lever", ..ENF };
+const MMB: Test = Test {
+    options: "mmb --length 40 --crack 12 --arm 2 --element 0.25 --rows 8 --adhesive 0.2 --opening 0.6 --instants 14 --lever 14",
+    loaded: "lever",
+    ..ENF
+};
 
 fn law() -> ExtendedXuNeedleman {
     ExtendedXuNeedleman::new(0.5, 0.02, 0.05, 4.0).unwrap()
 }
 
-/// A specimen that was computed.
+/// A specimen that was computed, photographed and correlated.
 struct Computed {
-    /// Displacement of each node (mm, y up) at each instant, and where the nodes are.
-    nodes: Vec<[f64; 2]>,
-    fields: Vec<Vec<[f64; 2]>>,
+    desk: Desk,
     /// Force by mm of width, and the jump at the tip (opening, sliding; mm).
     forces: Vec<f64>,
     jumps: Vec<[f64; 2]>,
@@ -94,134 +69,43 @@ fn number(row: &BTreeMap<String, String>, name: &str) -> f64 {
 }
 
 impl Test {
-    fn step(&self) -> f64 {
-        self.arm / self.rows as f64
-    }
-
-    fn compute(&self) -> Computed {
-        let Self { kind, length, crack, arm, rows, opening, instants, more, .. } = self;
+    /// Computes it with the law of [`law`], takes its images and correlates them.
+    fn measure(&self) -> Computed {
         let desk = Desk::new();
-        let sizes = format!("--length {length} --crack {crack} --arm {arm} --element {} --rows {rows}", self.step());
-        let how = format!("--adhesive {BOND} --opening {opening} --instants {instants} {more}");
-        desk.run(&format!("make specimen {kind} {sizes} {how} --output it")).fine();
+        desk.run(&format!("make specimen {} --output it", self.options)).fine();
         let case = desk.read("it/case.toml");
         let (before, _) = case.split_once("[cohesive]").unwrap();
         let cohesive = "[cohesive]\nmodel = 'extended-xu-needleman'\nkinematics = 'objective'\nphi_n_N_per_mm = 0.5\n\
                         delta_n_mm = 0.02\ndelta_t_mm = 0.05\nr = 4.0\n[output]\nenergies = false\n";
         desk.write("it/case.toml", format!("{before}{cohesive}"));
         desk.run("simulate it/case.toml --output it/out").fine();
-        let mesh: Value = serde_json::from_str(&desk.read("it/mesh.json")).unwrap();
-        let nodes: Vec<[f64; 2]> = serde_json::from_value(mesh["nodes"].clone()).unwrap();
-        let mut fields = vec![vec![[0.0; 2]; nodes.len()]; *instants];
-        for row in columns(&desk.read("it/out/solution.csv")) {
-            let (instant, node) = (number(&row, "instant") as usize, number(&row, "node") as usize);
-            fields[instant - 1][node] = [number(&row, "ux_mm"), number(&row, "uy_mm")];
-        }
+        desk.run(&format!("make specimen {} --images it/out --output test", self.options)).fine();
+        desk.run("correlate --case test/test.toml --output test/fields").fine();
         let reactions = columns(&desk.read("it/out/reactions.csv"));
         let loaded = reactions.iter().filter(|row| row["group"] == self.loaded);
         let tractions = columns(&desk.read("it/out/tractions.csv"));
-        let at_tip = tractions.iter().filter(|row| (number(row, "x_mm") - crack).abs() < 1e-6);
+        let at_tip = tractions.iter().filter(|row| (number(row, "x_mm") - self.crack).abs() < 1e-6);
         Computed {
             forces: loaded.map(|row| number(row, "Fy_N_per_mm").abs()).collect(),
             jumps: at_tip.map(|row| ["Dn_mm", "Dt_mm"].map(|name| number(row, name))).collect(),
-            nodes,
-            fields,
+            desk,
         }
-    }
-
-    /// The motion of an instant in the image; none: at rest.
-    fn motion(&self, computed: &Computed, instant: Option<usize>) -> Strips {
-        let (step, arm) = (self.step(), self.arm);
-        let [columns, rows] = [self.length, arm].map(|length| (length / step).round() as usize);
-        let grid = |low: f64| {
-            // Row by row with y down.
-            let mut grid = vec![[0.0; 2]; (columns + 1) * (rows + 1)];
-            let of_arm = |at: &[f64; 2]| at[1] > low - 0.01 && at[1] < low + arm + 0.01;
-            for (k, [x, y]) in computed.nodes.iter().enumerate().filter(|(_, at)| of_arm(at)) {
-                let (column, row) = ((x / step).round() as usize, rows - ((y - low) / step).round() as usize);
-                let u = instant.map_or([0.0; 2], |instant| computed.fields[instant][k]);
-                grid[row * (columns + 1) + column] = [u[0] / SCALE, -u[1] / SCALE];
-            }
-            let top = self.middle - (low + arm) / SCALE;
-            GridField::new([LEFT, top], step / SCALE, [columns, rows], grid).unwrap()
-        };
-        Strips::new(grid(0.5 * BOND), grid(-0.5 * BOND - arm))
-    }
-
-    /// The zone of the upper or the lower arm, 3 px beside the face, whole elements high.
-    fn zone(&self, upper: bool) -> [f64; 4] {
-        let (face, height) = (0.5 * BOND / SCALE + 3.0, ((self.arm / SCALE - 3.0) / 12.0).floor() * 12.0);
-        let rows = match upper {
-            true => [self.middle - face - height, self.middle - face],
-            false => [self.middle + face, self.middle + face + height],
-        };
-        [LEFT, rows[0], LEFT + self.length / SCALE, rows[1]]
-    }
-
-    /// A section of an arm, from and to these places, mm.
-    fn section(&self, name: &str, upper: bool, [from, to]: [f64; 2]) -> String {
-        let [_, y0, _, y1] = self.zone(upper);
-        format!("[[region]]\nname = '{name}'\nroi = [{}, {y0}, {}, {y1}]\n", LEFT + from / SCALE, LEFT + to / SCALE)
-    }
-
-    /// The lines of a case that name the run, its loads, the tip and the opening.
-    fn lines(&self) -> String {
-        format!(
-            "run = 'out'\ntip = [{}, {}]\nwidth_mm = 25.0\nwidth_mm_std = 0.05\narm_mm = {:.1}\ncrack_mm = {:.1}\n\
-            crack_mm_std = 0.1\nE_MPa = 78554.6\nG_MPa = 26316.0\nforce_std_N = {FORCE_STD}\n\
-            [load]\nfile = 'load.csv'\n[[opening]]\nzones = ['upper', 'lower']\n",
-            LEFT + self.crack / SCALE,
-            self.middle,
-            self.arm,
-            self.crack
-        )
-    }
-
-    /// A folder with the images of the specimen, their loads, and a run that has correlated them.
-    fn photograph(&self, computed: &Computed) -> Desk {
-        let desk = Desk::new();
-        let texture = Texture::new(7, 4.5).unwrap();
-        let mut load = "frame,load_N\n0,0\n".to_owned();
-        let [width, height] = self.size;
-        for frame in 0..=self.instants {
-            let frame_of = frame as u64;
-            let options =
-                RenderOptions { depth: Depth::U8, noise: 2.0, frame: frame_of, ..RenderOptions::new(width, height) };
-            let image = render(&texture, &self.motion(computed, frame.checked_sub(1)), &options).unwrap();
-            desk.image(&format!("f{frame:02}.tif"), &image);
-            if let Some(force) = frame.checked_sub(1).map(|instant| WIDTH * computed.forces[instant]) {
-                // Noise of the cell that repeats in every test.
-                writeln!(load, "{frame},{:.6}", force + FORCE_STD * (7.0 * frame as f64).sin()).unwrap();
-            }
-        }
-        desk.write("load.csv", load);
-        let zones = format!(
-            "[[zone]]\nname = 'upper'\nroi = {:?}\n[[zone]]\nname = 'lower'\nroi = {:?}\n",
-            self.zone(true),
-            self.zone(false)
-        );
-        let images = "[images]\nreference = 'f00.tif'\ndeformed = 'f*.tif'\npixel_size_mm = 0.04\n\
-            [camera]\nexact = true\n[correlation]\nelement_size_px = 12\n";
-        desk.write("images.toml", format!("{images}{zones}"));
-        desk.correlate("--case images.toml --output out").fine();
-        desk
     }
 }
 
 fn computed() -> &'static Computed {
     static COMPUTED: OnceLock<Computed> = OnceLock::new();
-    COMPUTED.get_or_init(|| DCB.compute())
+    COMPUTED.get_or_init(|| DCB.measure())
 }
 
-fn photographed() -> &'static Desk {
-    static DESK: OnceLock<Desk> = OnceLock::new();
-    DESK.get_or_init(|| DCB.photograph(computed()))
-}
-
-fn case() -> String {
-    let sections = [DCB.section("upper pin", true, [0.0, 1.5]), DCB.section("lower pin", false, [0.0, 1.5])].concat();
-    let head = "[reduction]\nlayout = 'dcb'\nsections = ['upper pin', 'lower pin']\ncrack_opening_mm = 0.08\n";
-    format!("{head}{}{sections}", DCB.lines())
+/// The case of its reduction, with what stands for what.
+fn case(changes: &[(&str, &str)]) -> String {
+    let mut text = computed().desk.read("test/test.toml").replace("crack_opening_mm = 0.05", "crack_opening_mm = 0.08");
+    for (from, to) in changes {
+        assert!(text.contains(from), "{from}: {text}");
+        text = text.replace(from, to);
+    }
+    text
 }
 
 /// The work of separation along a path of jumps (opening, sliding; mm), by the law itself: trapezia of parts that are
@@ -253,9 +137,9 @@ fn result(record: &Value, name: &str) -> [f64; 2] {
 
 #[test]
 fn a_double_cantilever_beam_is_reduced_to_the_law_that_it_was_computed_with() {
-    let desk = photographed();
-    desk.write("dcb.toml", case());
-    let ran = desk.run("reduce dcb.toml --output reduced").fine();
+    let desk = &computed().desk;
+    desk.write("test/dcb.toml", case(&[]));
+    let ran = desk.run("reduce test/dcb.toml --output reduced").fine();
     println!("{}", ran.stderr);
     let law = law();
     let opened = |opening: f64| Jump { normal: opening, tangential: 0.0 };
@@ -308,17 +192,28 @@ fn a_double_cantilever_beam_is_reduced_to_the_law_that_it_was_computed_with() {
     println!("{held} of {seen} places within the band; peak {peak:.2} +- {std:.2} for {:.2}", law.peak().normal);
     assert!(seen > 90 && held as f64 >= 0.95 * f64::from(seen), "{held} of {seen}");
     assert!((peak - law.peak().normal).abs() < 3.0 * std, "{peak} +- {std} for {}", law.peak().normal);
-    desk.run("reduce dcb.toml --output reduced").refused(&["reduced", "--overwrite"]);
-    desk.run("reduce dcb.toml --output reduced --overwrite").fine();
-    desk.run("reduce dcb.toml --output out --overwrite").refused(&["out: this is the run itself"]);
+    desk.run("reduce test/dcb.toml --output reduced").refused(&["reduced", "--overwrite"]);
+    desk.run("reduce test/dcb.toml --output reduced --overwrite").fine();
+    desk.run("reduce test/dcb.toml --output test/fields --overwrite").refused(&["fields: this is the run itself"]);
     // It is reduced to the same from its own table.
-    desk.write(
-        "again.toml",
-        case().replace("run = 'out'", "table = 'reduced/reduction.csv'").split("[load]").next().unwrap(),
-    );
+    let of_table =
+        case(&[("run = \"fields\"", "table = 'reduced/reduction.csv'"), ("\"load.csv\"", "\"test/load.csv\"")]);
+    desk.write("again.toml", of_table);
     desk.run("reduce again.toml --output again").fine();
     let [value, _] = result(&record, "J growth (N/mm)");
     assert!((result(&desk.json("again/reduction.json"), "J growth (N/mm)")[0] / value - 1.0).abs() < 1e-12);
+    // The field of the arms alone, without a load; beside the others in the table.
+    let (mut squares, mut n) = (0.0, 0.0);
+    for (row, truth) in columns(&desk.read("reduced/reduction.csv")).iter().zip(&works) {
+        let (found, sigma) = (number(row, "J_field_N_per_mm"), number(row, "sigma_J_field_N_per_mm"));
+        println!("J of the field {found:.4} +- {sigma:.4} for {truth:.4}");
+        squares += ((found - truth) / sigma.hypot(0.02 * truth)).powi(2);
+        n += 1.0;
+    }
+    assert!((0.5..1.5).contains(&f64::sqrt(squares / n)), "{}", f64::sqrt(squares / n));
+    let [value, std] = result(&record, "J_field growth (N/mm)");
+    assert!(std < 0.15 && (value - 0.5).abs() < 3.0 * std, "{value} +- {std}");
+    assert_eq!(record["checks"].as_array().unwrap().iter().filter(|check| check[2] == true).count(), 2);
     for name in ["load-displacement", "release-separation", "resistance", "traction"] {
         assert!(desk.path(&format!("reduced/figures/{name}.svg")).is_file(), "{name}");
     }
@@ -327,49 +222,101 @@ fn a_double_cantilever_beam_is_reduced_to_the_law_that_it_was_computed_with() {
 
 #[test]
 fn a_reduction_without_what_it_needs_says_what_is_missing() {
-    let desk = photographed();
+    let desk = &computed().desk;
     let refused = |case: &str, words: &[&str]| {
-        desk.write("wrong.toml", case);
-        desk.run("reduce wrong.toml --output wrong").refused(words);
+        desk.write("test/wrong.toml", case);
+        desk.run("reduce test/wrong.toml --output wrong").refused(words);
         assert!(!desk.path("wrong").exists());
     };
     refused("[images]\n", &["wrong.toml", "no table [reduction]"]);
-    refused(&case().replace("run = 'out'\n", ""), &["run", "table", "not both"]);
-    refused(&case().replace("run = 'out'", "run = 'nowhere'"), &["nowhere"]);
-    refused(&case().replace("'lower pin']", "'lower']"), &["no [[region]] named \"lower\"", "upper pin, lower pin"]);
-    refused(&case().replace(", 'lower pin']", "]"), &["1 regions", "the upper arm, the lower arm"]);
-    refused(&case().replace("tip = [470, 110]", "tip = [470, 20]"), &["tip = [470, 20]", "px from the faces"]);
-    refused(&case().replace("tip = [470, 110]\n", ""), &["tip = [x, y] is missing"]);
-    refused(&case().replace("[load]\nfile = 'load.csv'\n", ""), &["no table [load]"]);
-    refused(
-        &case().replace("[[opening]]\nzones = ['upper', 'lower']\n", ""),
-        &["[[opening]] between the arms is needed"],
-    );
-    refused(&case().replace("width_mm = 25.0", "width_mm = -25.0"), &["width_mm", "-25", "above zero"]);
-    refused(&case().replace("layout = 'dcb'", "layout = 'mmb'"), &["half_span_mm and lever_mm"]);
-    refused(&case().replace("layout = 'dcb'", "layout = 'lap'"), &["lap"]);
-    refused(&case().replace("E_MPa = 78554.6", "E_MPa = nan"), &["E_MPa", "NaN"]);
+    let changed = |from: &str, to: &str, words: &[&str]| refused(&case(&[(from, to)]), words);
+    changed("run = \"fields\"\n", "", &["run", "table", "not both"]);
+    changed("run = \"fields\"", "run = 'nowhere'", &["nowhere"]);
+    changed("\"lower pin\"]", "\"lower\"]", &["no [[region]] named \"lower\"", "upper pin, lower pin"]);
+    changed(", \"lower pin\"]", "]", &["1 regions", "the upper arm, the lower arm"]);
+    changed("tip = [470.0, ", "tip = [470.0, 20.0] # ", &["tip = [470.0, 20.0]", "px from the faces"]);
+    changed("tip = [470.0, ", "# ", &["tip = [x, y] is missing"]);
+    changed("[load]\nfile = \"load.csv\"\n", "", &["no table [load]"]);
+    changed("[[opening]]\nzones = [\"upper\", \"lower\"]\n", "", &["[[opening]] between the arms is needed"]);
+    changed("width_mm = 25.0", "width_mm = -25.0", &["width_mm", "-25", "above zero"]);
+    changed("adhesive_mm = 0.2", "adhesive_mm = -0.2", &["adhesive_mm", "-0.2", "above zero"]);
+    changed("layout = \"dcb\"", "layout = 'mmb'", &["half_span_mm and lever_mm"]);
+    changed("layout = \"dcb\"", "layout = 'lap'", &["lap"]);
+    changed("E_MPa = 78554.6", "E_MPa = nan", &["E_MPa", "NaN"]);
     // Arms that change places: a beam that closes.
-    let turned = case().replace("sections = ['upper pin', 'lower pin']", "sections = ['lower pin', 'upper pin']");
-    refused(&turned, &["the tip closes", "different orders"]);
+    let turned = "sections = [\"lower pin\", \"upper pin\"]";
+    changed("sections = [\"upper pin\", \"lower pin\"]", turned, &["the tip closes", "different orders"]);
+    desk.run("make specimen peel --images it/out --output nothing").refused(&["--images is for dcb, enf, mmb and lap"]);
+    desk.run("make specimen dcb --rows 2 --images it/out --output nothing").refused(&["is not of this specimen"]);
+}
+
+#[test]
+fn what_a_reduced_test_cannot_bear_is_said_by_its_name() {
+    let desk = &computed().desk;
+    let remarked = |name: &str, changes: &[(&str, &str)], code: Code| {
+        desk.write(&format!("test/{name}.toml"), case(changes));
+        let said = desk.run(&format!("reduce test/{name}.toml --output {name}")).fine().stderr;
+        let found = remarks(&desk.json(&format!("{name}/reduction.json")), code);
+        assert_eq!(found.len(), 1, "{name}: {said}");
+        said
+    };
+    // A section beside the specimen: what needs none goes on.
+    let roi = case(&[]).lines().filter(|line| line.starts_with("roi")).nth(2).unwrap().to_owned();
+    let said = remarked("unseen", &[(&roi, "roi = [20.0, 2.0, 60.0, 8.0]")], Code::ReductionUnseen);
+    assert!(said.contains("upper pin") && said.contains("J is not used"), "{said}");
+    // One that is read of a part that does not turn, ahead of the tip.
+    let ahead = case(&[])
+        .lines()
+        .filter(|line| line.starts_with("roi"))
+        .nth(3)
+        .unwrap()
+        .replace("[20.0, ", "[1000.0, ")
+        .replace(", 57.5, ", ", 1060.0, ");
+    let other = case(&[]).lines().filter(|line| line.starts_with("roi")).nth(3).unwrap().to_owned();
+    remarked("uneven", &[(&other, &ahead)], Code::ReductionUneven);
+    // The load falls by a third from one frame to the next, as where a crack jumps.
+    let load = desk.read("test/load.csv");
+    let fallen: Vec<String> = (load.lines())
+        .map(|line| match line.split_once(',').map(|(frame, load)| (frame.parse::<usize>(), load.parse::<f64>())) {
+            Some((Ok(frame), Ok(load))) if frame > 12 => format!("{frame},{}", 0.66 * load),
+            _ => line.to_owned(),
+        })
+        .collect();
+    desk.write("test/fallen.csv", fallen.join("\n"));
+    remarked("jump", &[("\"load.csv\"", "\"fallen.csv\"")], Code::ReductionJump);
+    // Separations that are as uncertain as the peak is far from the origin.
+    let mut smeared = "load_N,rotation_1,sigma_rotation_1,opening_mm,sigma_opening_mm\n".to_owned();
+    for (k, [opening, _]) in computed().jumps.iter().enumerate() {
+        let (force, noise) = (WIDTH * computed().forces[k], 0.02 * (11.0 * k as f64).sin());
+        let rotation = work(&computed().jumps)[k] / computed().forces[k];
+        writeln!(smeared, "{force},{rotation},1e-5,{},0.02", opening + noise).unwrap();
+    }
+    desk.write("test/smeared.csv", smeared);
+    let of_table = [("run = \"fields\"", "table = 'smeared.csv'")];
+    let said = remarked("smeared", &of_table, Code::ReductionSmeared);
+    assert!(!said.contains("peak traction") && said.contains("work (N/mm)"), "{said}");
 }
 
 #[test]
 fn methods_that_lack_something_are_named_and_the_others_go_on() {
-    let desk = photographed();
+    let desk = &computed().desk;
     // The camera sees neither pins nor a crack: beam theory by the machine's displacement.
     let mut load = "frame,load_N,cross_head_mm\n".to_owned();
     for (k, force) in computed().forces.iter().enumerate() {
         let (opening, force) = (DCB.opening * (k + 1) as f64 / DCB.instants as f64, WIDTH * force);
         writeln!(load, "{},{force:.6},{:.6}", k + 1, opening + 1e-3 * force + 0.02).unwrap();
     }
-    desk.write("machine.csv", load);
-    let without =
-        case().replace("sections = ['upper pin', 'lower pin']\n", "").replace("crack_opening_mm = 0.08\n", "");
+    desk.write("test/machine.csv", load);
     let machine = "displacement = 'cross_head'\nmachine_compliance_mm_per_N = 1e-3\nwidth_mm = 25.0";
-    let case = without.replace("width_mm = 25.0", machine).replace("load.csv", "machine.csv");
-    desk.write("machine.toml", case.replace("E_MPa = 78554.6\n", ""));
-    let said = desk.run("reduce machine.toml --output machine").fine().stderr;
+    let case = case(&[
+        ("sections = [\"upper pin\", \"lower pin\"]", ""),
+        ("crack_opening_mm = 0.08\n", ""),
+        ("width_mm = 25.0", machine),
+        ("load.csv", "machine.csv"),
+        ("E_MPa = 78554.6", ""),
+    ]);
+    desk.write("test/machine.toml", &case);
+    let said = desk.run("reduce test/machine.toml --output machine").fine().stderr;
     assert!(
         said.contains("J is not used: no rotation") && said.contains("CBT is not used: no length of the crack"),
         "{said}"
@@ -387,22 +334,18 @@ fn methods_that_lack_something_are_named_and_the_others_go_on() {
     );
     // A wrong unit of the arm shows in the modulus that the compliance asks for.
     for (wrong, wanted) in [("arm_mm = 0.003", 1), ("arm_mm = 3.1", 0)] {
-        desk.write("machine.toml", case.replace("arm_mm = 3.0", wrong));
-        desk.run("reduce machine.toml --output machine --overwrite").fine();
+        desk.write("test/machine.toml", case.replace("arm_mm = 3.0", wrong));
+        desk.run("reduce test/machine.toml --output machine --overwrite").fine();
         let said = remarks(&desk.json("machine/reduction.json"), Code::MaterialImplausible);
         assert_eq!(said.len(), wanted, "{wrong}: {said:?}");
     }
 }
 
 /// Holds J of a bending test against the work that the law does at its tip.
-fn bent(test: &Test, sections: &[(&str, bool, [f64; 2])], keys: &str) -> Desk {
-    let computed = test.compute();
-    let desk = test.photograph(&computed);
-    let names: Vec<String> = sections.iter().map(|(name, ..)| format!("'{name}'")).collect();
-    let head = format!("[reduction]\nlayout = '{}'\nsections = [{}]\n{keys}", test.kind, names.join(", "));
-    let regions: String = sections.iter().map(|(name, upper, at)| test.section(name, *upper, *at)).collect();
-    desk.write("bent.toml", format!("{head}{}{regions}", test.lines()));
-    println!("{}", desk.run("reduce bent.toml --output reduced").fine().stderr);
+fn bent(test: &Test) -> Desk {
+    let computed = test.measure();
+    let desk = &computed.desk;
+    println!("{}", desk.run("reduce test/test.toml --output reduced").fine().stderr);
     let works = work(&computed.jumps);
     let rows = columns(&desk.read("reduced/reduction.csv"));
     for ((row, truth), jump) in rows.iter().zip(&works).zip(&computed.jumps) {
@@ -413,14 +356,16 @@ fn bent(test: &Test, sections: &[(&str, bool, [f64; 2])], keys: &str) -> Desk {
         );
         // The domain integral of the computed field is 6 % less than the work at its tip: elements of an eighth of an arm.
         assert!((found - truth).abs() < 0.06 * truth + 3.5 * sigma, "{}: {found} +- {sigma} for {truth}", row["frame"]);
+        let [found, sigma] = ["J_field_N_per_mm", "sigma_J_field_N_per_mm"].map(|name| number(row, name));
+        println!("J of the field {found:.4} +- {sigma:.4}");
+        assert!((found - truth).abs() < 0.06 * truth + 3.5 * sigma, "{}: {found} +- {sigma} for {truth}", row["frame"]);
     }
-    desk
+    computed.desk
 }
 
 #[test]
 fn end_notched_flexure_is_reduced_with_the_signs_of_its_three_loads() {
-    let sections = [("left", false, [0.0, 2.5]), ("middle", true, [18.5, 21.5]), ("right", false, [37.5, 40.0])];
-    let desk = bent(&ENF, &sections, "half_span_mm = 20.0\ncrack_opening_mm = 0.1\n");
+    let desk = bent(&ENF);
     let [value, std] = result(&desk.json("reduced/reduction.json"), "CBBM growth (N/mm)");
     println!("CBBM {value} +- {std}");
     let [peak, std] = result(&desk.json("reduced/reduction.json"), "peak traction (MPa)");
@@ -429,18 +374,122 @@ fn end_notched_flexure_is_reduced_with_the_signs_of_its_three_loads() {
 
 #[test]
 fn mixed_mode_bending_is_reduced_with_the_signs_of_its_four_loads() {
-    let sections = [
-        ("lifted", true, [0.0, 2.5]),
-        ("left", false, [0.0, 2.5]),
-        ("middle", true, [18.5, 21.5]),
-        ("right", false, [37.5, 40.0]),
-    ];
-    let desk = bent(&MMB, &sections, "half_span_mm = 20.0\nlever_mm = 14.0\n");
+    let desk = bent(&MMB);
     let record = desk.json("reduced/reduction.json");
-    assert_eq!(record["traction"]["over"], "opening and sliding together");
+    assert_eq!(record["tractions"][0]["over"], "opening and sliding together");
     let shares: Vec<f64> =
         columns(&desk.read("reduced/reduction.csv")).iter().map(|row| number(row, "D6671_sliding_share_1")).collect();
     println!("{shares:?}");
     // Of a beam: 9 (c + L)^2 / (12 (3 c - L)^2 + 9 (c + L)^2) for c = 14, L = 20 is 0.64; corrected, opening has more.
     assert!(shares.iter().all(|share| (0.5..0.64).contains(share)), "{shares:?}");
+}
+
+#[test]
+fn a_lap_joint_is_reduced_to_the_shear_traction_that_it_was_computed_with() {
+    let desk = Desk::new();
+    let options = "lap --length 16 --crack 12 --arm 2 --element 0.25 --rows 8 --opening 0.06 --instants 4";
+    desk.run(&format!("make specimen {options} --output it")).fine();
+    desk.run("simulate it/case.toml --output it/out").fine();
+    desk.run(&format!("make specimen {options} --images it/out --output test")).fine();
+    desk.run("correlate --case test/test.toml --output test/fields").fine();
+    println!("{}", desk.run("reduce test/test.toml --output reduced").fine().stderr);
+    let tractions = columns(&desk.read("it/out/tractions.csv"));
+    let rows = columns(&desk.read("reduced/lap.csv"));
+    let record = desk.json("reduced/reduction.json");
+    for frame in record["frames"].as_array().unwrap() {
+        let instant = frame["frame"].to_string();
+        let there: Vec<[f64; 2]> = (tractions.iter())
+            .filter(|row| row["instant"] == instant)
+            .map(|row| ["x_mm", "Tt_MPa"].map(|name| number(row, name)))
+            .collect();
+        // The lap begins at 16 mm; inside, where the adherend is no more strained across than beams are.
+        let truth = |at: f64| {
+            let next = there.partition_point(|[x, _]| *x < 16.0 + at).clamp(1, there.len() - 1);
+            let ([x0, t0], [x1, t1]) = (there[next - 1], there[next]);
+            t0 + (t1 - t0) * (16.0 + at - x0) / (x1 - x0)
+        };
+        let (mut squares, mut n) = (0.0, 0.0);
+        for row in rows.iter().filter(|row| row["frame"] == instant) {
+            let [at, found, std] = ["along_mm", "traction_MPa", "std_MPa"].map(|name| number(row, name));
+            println!("{instant} {at:.2}: {found:.2} +- {std:.2} for {:.2}", truth(at));
+            if (1.0..11.0).contains(&at) {
+                squares += ((found - truth(at)) / std).powi(2);
+                n += 1.0;
+            }
+        }
+        assert!(n > 20.0 && f64::sqrt(squares / n) < 2.0, "{instant}: {} of {n}", f64::sqrt(squares / n));
+        let [load, force, std] = [
+            frame["load_N"].as_f64(),
+            frame["force_by_strain_N"]["value"].as_f64(),
+            frame["force_by_strain_N"]["std"].as_f64(),
+        ]
+        .map(Option::unwrap);
+        // Peel at the ends strains the adherends across: some per cent.
+        assert!((force.abs() - load).abs() < 0.04 * load + 3.0 * std, "{force} +- {std} for {load}");
+    }
+    assert!(desk.read("reduced/report.html").contains("Lap joint, reduced"));
+    for name in ["shear-along", "shear-sliding"] {
+        assert!(desk.path(&format!("reduced/figures/{name}.svg")).is_file(), "{name}");
+    }
+    let wrong = desk.read("test/test.toml").replace("E_MPa", "# E_MPa");
+    desk.write("test/wrong.toml", wrong);
+    desk.run("reduce test/wrong.toml --output wrong").refused(&["needs E_MPa and arm_mm"]);
+    let wrong = desk.read("test/test.toml").replace("E_MPa = 78554.6", "E_MPa = 40000.0");
+    desk.write("test/wrong.toml", wrong);
+    desk.run("reduce test/wrong.toml --output wrong").fine();
+    assert_eq!(remarks(&desk.json("wrong/reduction.json"), Code::ReductionDisagree).len(), 1);
+}
+
+#[test]
+fn a_run_draws_the_fitted_law_beside_the_slope_of_j_and_says_where_they_differ() {
+    let desk = &computed().desk;
+    let frames: Vec<usize> = (1..=8).map(|k| 3 * k).collect();
+    let loads: Vec<f64> = columns(&desk.read("test/load.csv")).iter().map(|row| number(row, "load_N")).collect();
+    let mut few = "frame,load_N\n0,0\n".to_owned();
+    frames.iter().enumerate().for_each(|(k, frame)| writeln!(few, "{},{}", k + 1, loads[*frame]).unwrap());
+    desk.write("test/few.csv", few);
+    let deformed: Vec<String> = frames.iter().map(|frame| format!("\"{frame:04}.tif\"")).collect();
+    let text = case(&[
+        ("run = \"fields\"\n", ""),
+        ("deformed = \"*.tif\"", &format!("deformed = [{}]", deformed.join(", "))),
+        ("\"load.csv\"", "\"few.csv\""),
+        // The joint ahead of the tip, its zones at the faces; the arms behind it are zones beside.
+        ("roi = [20.0, 50.5, 1220.0, 122.5]", "roi = [470.0, 53.5, 1190.0, 125.5]"),
+        ("roi = [20.0, 133.5, 1220.0, 205.5]", "roi = [470.0, 130.5, 1190.0, 202.5]"),
+        (
+            "[[opening]]",
+            "[[zone]]\nname = 'upper arm'\nroi = [20.0, 50.5, 470.0, 122.5]\n[[zone]]\nname = 'lower arm'\nroi = [20.0, 133.5, 470.0, 205.5]\n[[opening]]",
+        ),
+    ]);
+    // The zones of the joint come first.
+    let (head, rest) = text.split_once("[[zone]]").unwrap();
+    let mut parts: Vec<String> = rest.split("[[").map(|part| format!("[[{part}")).collect();
+    parts[0] = format!("[[zone]]{}", parts[0].trim_start_matches("[["));
+    let is_beside = |part: &String| part.contains("upper arm") || part.contains("lower arm");
+    let (beside, of_joint): (Vec<String>, Vec<String>) = parts.into_iter().partition(is_beside);
+    let joint = "[interface]\nzones = ['lower', 'upper']\nthickness_mm = 0.2\n[substrate]\nmodel = 'linear-elastic'\nplane = 'strain'\n\
+                 E_MPa = 70000.0\nnu = 0.33\n[cohesive]\nmodel = 'extended-xu-needleman'\nkinematics = 'objective'\n\
+                 phi_n_N_per_mm = 0.25\ndelta_n_mm = 0.1\ndelta_t_mm = 0.05\nr = 4.0\n[fit]\nparameters = ['phi_n']\n\
+                 upper = { phi_n = 0.3 }\nintervals = 'linear'\nexact = true\n";
+    desk.write("test/run.toml", format!("{head}{}{}{joint}", of_joint.concat(), beside.concat()));
+    let ran = desk.run("run test/run.toml --output ran");
+    let fit = desk.json("ran/fit.json");
+    // A law that opens five times as far as the true one, with a work of 0.3 N/mm at most, where J says 0.5.
+    let said = remarks(&fit, Code::DirectLawDiffers);
+    assert!(said.len() == 1 && said[0].text.contains("about the peak (at"), "{ran}\n{said:?}");
+    let page = desk.read("ran/report.html");
+    assert!(page.contains("Directly from images and loads") && page.contains("The fitted law beside the slope of J"));
+    for file in
+        ["figures/direct-law.svg", "reduction/reduction.json", "reduction/report.html", "reduction/traction.csv"]
+    {
+        assert!(desk.path(&format!("ran/{file}")).is_file(), "{file}");
+    }
+    // Two starts: that of the case, and the law that follows the slope.
+    assert_eq!(fit["starts"].as_array().unwrap().len(), 2, "{}", fit["starts"]);
+    let wrong = desk.read("test/run.toml").replace("\"upper pin\", ", "\"nothing\", ");
+    desk.write("test/wrong-run.toml", wrong);
+    desk.run("run test/wrong-run.toml --output wrong-run").refused(&["no [[region]] named \"nothing\""]);
+    let wrong = desk.read("ran/identify.toml").replace("direct = \"reduction\"", "direct = \"nowhere\"");
+    desk.write("ran/wrong.toml", wrong);
+    desk.run("identify ran/wrong.toml --output wrong-fit").refused(&["nowhere", "reduction.json"]);
 }

@@ -147,8 +147,9 @@ impl RunCase {
         case.force = case.force.map(|force| self.force_from_anywhere(force));
         let mesh = case.mesh.get_or_insert_default();
         mesh.store = Some(store.to_owned());
-        // Upwards is what a joint takes by itself.
-        mesh.zones = (self.normal != [0.0, 1.0]).then(|| self.interface.zones.clone());
+        // Upwards is what a joint takes by itself, and all zones.
+        let more = self.correlation.zones.len() > 2;
+        mesh.zones = (more || self.normal != [0.0, 1.0]).then(|| self.interface.zones.clone());
         case.boundary.get_or_insert_default().store = Some(store.to_owned());
         case.measurement.get_or_insert_default().store = Some(store.to_owned());
         if !with_fit {

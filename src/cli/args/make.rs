@@ -233,7 +233,9 @@ impl SpecimenName {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
-    quadrille make specimen dcb --output dcb && quadrille simulate dcb/case.toml --output dcb/out\n\n\
+    quadrille make specimen dcb --output dcb && quadrille simulate dcb/case.toml --output dcb/out\n  \
+    Its images and loads, to be correlated and reduced:\n    \
+    quadrille make specimen dcb --images dcb/out --output test\n\n\
     It writes mesh.json and case.toml, whose comments explain every line.")]
 pub struct SpecimenArgs {
     /// The test.
@@ -271,6 +273,10 @@ pub struct SpecimenArgs {
     /// Of mmb: from the middle of the span to the load on the lever, mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub lever: Option<f64>,
+    /// Take images of what `simulate` has computed of this specimen, in this folder: with the same options, loads and a
+    /// case for `correlate` and `reduce`. Not of peel.
+    #[arg(long, value_name = "DIR")]
+    pub images: Option<PathBuf>,
     #[command(flatten)]
     pub talk: Quiet,
 }

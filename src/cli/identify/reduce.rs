@@ -9,9 +9,7 @@ pub(crate) fn run(args: &ReduceArgs, paint: Paint) -> Result<Outcome> {
     args.drawn.choose();
     let record = reduce(&args.case, &args.results.output, args.results.overwrite)?;
     if !args.talk.quiet {
-        record.remarks.iter().for_each(|remark| eprintln!("{}", paint.remark(remark)));
-        record.missing.iter().for_each(|(method, lacks)| eprintln!("{method} is not used: {lacks}"));
-        record.no_traction.iter().for_each(|why| eprintln!("no traction: {why}"));
+        record.remarks().iter().for_each(|remark| eprintln!("{}", paint.remark(remark)));
         record.lines().iter().for_each(|line| eprintln!("{line}"));
         eprintln!("results in {}", args.results.output.display());
     }

@@ -3,7 +3,7 @@
 use crate::cli::args::SpecimenArgs;
 use crate::cli::{Outcome, Result, write_new};
 use crate::mechanics::{Specimen, SpecimenOptions};
-use crate::run::make_folder;
+use crate::run::{make_folder, photograph};
 
 pub(crate) fn run(args: &SpecimenArgs) -> Result<Outcome> {
     let kind = args.kind.kind();
@@ -23,6 +23,15 @@ pub(crate) fn run(args: &SpecimenArgs) -> Result<Outcome> {
     let specimen = Specimen::new(kind, &options)?;
     let folder = &args.results.output;
     make_folder(folder)?;
+    if let Some(computed) = &args.images {
+        let case = folder.join("test.toml");
+        if case.exists() && !args.results.overwrite {
+            return Err(format!("{} is there; choose another --output, or --overwrite", case.display()).into());
+        }
+        photograph((kind, &options), computed, folder, &crate::cli::pool(None)?)?;
+        args.talk.say(format_args!("measure it with: quadrille correlate --case {} --output fields", case.display()));
+        return Ok(Outcome::Fine);
+    }
     write_new(&folder.join("mesh.json"), &specimen.mesh_json(), args.results.overwrite)?;
     write_new(&folder.join("case.toml"), &specimen.case, args.results.overwrite)?;
     let case = folder.join("case.toml");

@@ -23,6 +23,7 @@ pub(super) use tables::{law_rows, notes, rows_of};
 
 use super::ForceRecord;
 use crate::identify::{Band, Case, CurveBand, Fit, FitError, LoadCell, Profile, bands, curve_bands};
+use crate::reduction::DirectLaw;
 
 /// A case, its fit, and what was made of it.
 #[derive(Debug)]
@@ -42,6 +43,17 @@ pub struct FitReport<'a> {
 }
 
 impl<'a> FitReport<'a> {
+    /// Standard uncertainty of the law at a separation of a direct traction, MPa: that of the pure mode that it is nearer
+    /// to, since laws have bands in pure modes.
+    pub(crate) fn std_along(&self, direct: &DirectLaw, separation: f64) -> f64 {
+        let slides = direct.jumps_mm.last().is_some_and(|[opening, sliding]| sliding.abs() > opening.abs());
+        let curve = &self.curves[usize::from(slides)];
+        let size = |k: usize| curve.jumps[k].normal + curve.jumps[k].tangential;
+        let nearest = (0..curve.jumps.len())
+            .min_by(|&a, &b| (size(a) - separation).abs().total_cmp(&(size(b) - separation).abs()));
+        nearest.map_or(0.0, |k| curve.std[k])
+    }
+
     /// The report of `fit`; the profile is computed by the caller, since it takes many fits.
     ///
     /// # Errors

@@ -23,7 +23,7 @@ pub fn measured_mm(
     let (&measured, &u) = (field.measured.get(node)?, field.displacement.get(node)?);
     let u = measured.then(|| scale.to_mm(Vector::new(u)).components())?;
     let Some(motion) = joint.removed.get(at) else { return Some(u) };
-    let rigid = motion.displacement(joint.model.mesh().nodes()[node]);
+    let rigid = motion.displacement(*joint.model.mesh().nodes().get(node)?);
     let (sin, cos) = motion.rotation_rad.sin_cos();
     let rest = [u[0] - rigid[0], u[1] - rigid[1]];
     Some([cos * rest[0] + sin * rest[1], -sin * rest[0] + cos * rest[1]])
@@ -99,7 +99,8 @@ impl IdentificationReport<'_> {
         for at in (0..self.computed.len()).filter(|&at| !self.computed[at].is_empty()) {
             let (mut sum, mut sigma, mut n) = (0.0, 0.0, 0.0);
             let Some((number, field)) = self.frames.get(at) else { continue };
-            for node in 0..field.displacement.len() {
+            // Zones beside the joint are no part of it.
+            for node in 0..field.displacement.len().min(model.mesh().nodes().len()) {
                 let free = (0..2).all(|c| model.unknown(node, c).is_some());
                 if let (Some(u), true) = (self.measured_displacement(at, node), free) {
                     for c in 0..2 {

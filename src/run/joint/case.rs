@@ -15,7 +15,7 @@ use crate::run::folder::read::{frames_that, write_file};
 use crate::run::folder::steps::Steps;
 use crate::run::folder::{CORRELATION, RIGID_MOTION, RunFolder, correlation_in};
 use crate::run::joint::strips::case_with_strips;
-use crate::run::joint::{FIT, identify, simulate};
+use crate::run::joint::{FIT, check_reduction, identify, reduce_run, simulate};
 use crate::run::look::page::page;
 use crate::run::plan::rehearsal::rehearse;
 use crate::run::plan::{Existing, Outcome, Plan, Request, Session, Stop};
@@ -28,6 +28,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+/// Folder of the test without a model, where the case asks for it.
+const REDUCED: &str = "reduction";
 /// Stands for the inputs of a step that did not come to its end.
 const CUT_SHORT: &str = "cut short";
 
@@ -74,6 +76,7 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
     }
     // Not after hours of correlation.
     Case::check(&case)?;
+    check_reduction(&case.correlation)?;
     found.iter().for_each(|found| watcher(Event::Note(found)));
     case.notes.iter().for_each(|note| watcher(Event::Remark(&zones_matched(note))));
     let mut plan = Plan::of(&request, &case.correlation)?;
@@ -103,6 +106,12 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
         steps.note("correlation", &inputs, begin, Outcome::Fine)?;
     }
 
+    let reduced = reduce_run(&case.correlation, file, &correlation, &output.join(REDUCED))?;
+    if let Some(reduced) = &reduced {
+        reduced.remarks().iter().for_each(|remark| watcher(Event::Remark(remark)));
+        let direct = reduced.direct().map(|_| REDUCED.to_owned());
+        case.joint.fit.iter_mut().for_each(|fit| fit.direct.clone_from(&direct));
+    }
     let text = case.joint_case(&format!("{CORRELATION}/{STORE}"), case.has_fit());
     let (name, step, result) = match case.has_fit() {
         true => ("identify.toml", "identification", FIT),
@@ -125,7 +134,7 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
         outcome
     };
 
-    let (page, fault) = pool.install(|| page(file, output, &case, &joint_case, &steps))?;
+    let (page, fault) = pool.install(|| page(file, output, &case, &joint_case, &steps, reduced.as_ref()))?;
     if let Some(error) = fault {
         let what = format!("{} has no fields to look around in", RunFolder::REPORT);
         watcher(Event::Remark(&report_missing(&what, &error)));

@@ -1,17 +1,23 @@
 //! The parameters of an adhesive from measured displacements: what `quadrille identify` does.
 
 use crate::identify::{Case, CutShort, Ended, Fit, FitStatus, fit, profile};
+use crate::io::case::CaseFit;
 use crate::io::joint::JointInput;
-use crate::report::Picture;
+use crate::reduction::DirectLaw;
 use crate::report::fit::{FitRecord, FitReport};
 use crate::report::joint::JointReport;
+use crate::report::{Picture, direct_plot};
+use crate::run::folder::read::read_json;
+use crate::run::folder::run_folder::REDUCTION;
 use crate::run::folder::{FORCE, RunFolder};
 use crate::run::joint::tournament::compare_in;
 use crate::run::joint::write_solution;
 use crate::run::plan::{Outcome, Stop};
 use crate::run::words::{Event, Heard, Result, Watcher, absolute};
 use rayon::ThreadPool;
+use serde::Deserialize;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// What was found, in the folder of the results.
@@ -38,6 +44,7 @@ pub fn identify(
     let mut of_case = Case::new(&joint, input, case)?;
     // What hardly anything has is known before the fit, which may take long for that very reason.
     joint.remarks.iter().chain(&of_case.remarks).for_each(|remark| watcher(Event::Remark(remark)));
+    of_case.options.direct = direct_in(input.case.fit.as_ref(), &input.case.base)?.map(Arc::new);
     let folder = RunFolder::for_joint(output, overwrite, true)?;
     let begin = Instant::now();
     let (heard, watch) = Heard::new(of_case.max_seconds, stop);
@@ -57,6 +64,11 @@ pub fn identify(
     let report = pool.install(|| FitReport::new(&of_case, &found, profile))?;
     let mut json = report.json(absolute(case), seconds);
     json.remarks.splice(0..0, joint.remarks.iter().cloned());
+    let beside = of_case.options.direct.clone();
+    if let Some(direct) = &beside {
+        let fitted = of_case.problem.unknowns.law_at(&found.evaluation.x)?;
+        json.remarks.extend(direct.differs(&*fitted, |separation| report.std_along(direct, separation)));
+    }
     // First of all: when a figure fails, the result is there.
     folder.write_json(FIT, &json)?;
     folder.write("fit-history.csv", |out| report.write_history(out))?;
@@ -72,6 +84,10 @@ pub fn identify(
     let asked = input.case.output.figures.as_deref();
     let chosen = JointReport::new(&joint, found.solution()).chosen(asked);
     report.draw(&chosen, save)?;
+    if let Some(direct) = &beside {
+        let fitted = of_case.problem.unknowns.law_at(&found.evaluation.x)?;
+        folder.save_figure("direct-law", &direct_plot(direct, &*fitted).draw()?)?;
+    }
     if !of_case.laws.is_empty() && found.cut_short.is_none() {
         compare_in(&mut of_case, &folder, absolute(case), json.remarks.clone(), pool, stop, watcher)?;
     }
@@ -87,6 +103,24 @@ pub fn identify(
     watcher(Event::Identified { fit: &json, folder: output });
     let outcome = outcome_of(&found, &json);
     Ok((json, outcome))
+}
+
+/// The traction of the reduced test that `[fit] direct` names.
+#[derive(Deserialize)]
+struct Reduced {
+    tractions: Vec<DirectLaw>,
+}
+
+/// The direct traction that a fit names, of the folder of `quadrille reduce`.
+///
+/// # Errors
+/// A folder that has none.
+pub(crate) fn direct_in(fit: Option<&CaseFit>, base: &Path) -> Result<Option<DirectLaw>> {
+    let Some(folder) = fit.and_then(|fit| fit.direct.as_ref()).map(|name| base.join(name)) else { return Ok(None) };
+    let reduced: Reduced = read_json(&folder.join(REDUCTION))?;
+    let none = || format!("[fit] direct: {} has no traction that a law can be compared with", folder.display());
+    let whole = reduced.tractions.into_iter().next().filter(DirectLaw::is_whole);
+    Ok(Some(whole.ok_or_else(none)?))
 }
 
 /// What a fit came to whose record is `json`.

@@ -2,6 +2,7 @@
 
 pub(crate) mod case;
 pub(crate) mod identification;
+pub(crate) mod photograph;
 mod reduction;
 pub(crate) mod several;
 pub(crate) mod simulation;
@@ -13,6 +14,7 @@ pub use case::{CaseRun, run_case};
 pub use identification::identify;
 pub(crate) use identification::{FIT, JOINT_SENSITIVITIES, LAW_SENSITIVITIES, outcome_of};
 pub use reduction::reduce;
+pub(crate) use reduction::{check_reduction, reduce_run};
 pub use several::identify_several;
 pub use simulation::simulate;
 pub(crate) use simulation::write_solution;

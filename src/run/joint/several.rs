@@ -7,12 +7,14 @@ use crate::report::Picture;
 use crate::report::fit::{FitRecord, FitReport, several_json, several_page, write_tests};
 use crate::report::joint::JointReport;
 use crate::run::folder::{FORCE, RunFolder};
+use crate::run::joint::identification::direct_in;
 use crate::run::joint::{FIT, outcome_of, write_solution};
 use crate::run::plan::{Outcome, Stop};
 use crate::run::words::{Event, Heard, Result, RunError, Watcher, absolute};
 use rayon::ThreadPool;
 use std::io::Write;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Fits one law to the tests of `input`, the case file `case`, and writes everything into `output`, what belongs to one
@@ -31,6 +33,8 @@ pub fn identify_several(
 ) -> Result<(FitRecord, Outcome)> {
     let mut joints = CombinedCase::joints(input)?;
     let mut of_case = CombinedCase::new(&joints, input)?;
+    let direct = direct_in(Some(&input.fit), case.parent().unwrap_or(Path::new("")))?.map(Arc::new);
+    of_case.tests.iter_mut().for_each(|test| test.case.options.direct.clone_from(&direct));
     of_case.remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
     let folder = RunFolder::for_joint(output, overwrite, false)?;
     let begin = Instant::now();

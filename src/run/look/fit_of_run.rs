@@ -119,7 +119,7 @@ pub fn model_less_measured(folder: &Path) -> Result<Option<Off>> {
     Ok((!off.is_empty()).then_some(off))
 }
 
-/// The same of the instant `at`; `None` where the model has fewer nodes than what was measured.
+/// The same of the instant `at`, NaN in zones beside the joint; `None` where the model has other nodes than its zones.
 pub(crate) fn off_at(
     joint: &Joint,
     pixel_size: PixelSize,
@@ -128,7 +128,8 @@ pub(crate) fn off_at(
     field: &Measurement<Px>,
 ) -> Option<Vec<[f64; 2]>> {
     let n_nodes = field.mesh.n_nodes();
-    if computed.len() < n_nodes {
+    let are_zones = |zone: usize| field.mesh.zone_nodes(zone).end == computed.len();
+    if computed.len() < n_nodes && !(0..field.mesh.zones().len()).any(are_zones) {
         return None;
     }
     let (sin, cos) = joint.removed.get(at).map_or(0.0, |motion| motion.rotation_rad).sin_cos();
@@ -137,7 +138,8 @@ pub(crate) fn off_at(
         let [x, y] = [x - measured_x, y - measured_y];
         Some(pixel_size.to_px(Vector::<Mm>::new([cos * x - sin * y, sin * x + cos * y])).components())
     };
-    Some(computed.iter().take(n_nodes).enumerate().map(|node| of_node(node).unwrap_or([f64::NAN; 2])).collect())
+    let of_joint = computed.iter().enumerate().map(|node| of_node(node).unwrap_or([f64::NAN; 2]));
+    Some(of_joint.chain(std::iter::repeat([f64::NAN; 2])).take(n_nodes).collect())
 }
 
 #[cfg(test)]

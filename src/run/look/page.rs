@@ -11,12 +11,12 @@ use crate::io::store::Store;
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::CohesiveLaw;
 use crate::remark::Remark;
-use crate::report::Backdrop;
 use crate::report::fit::{FitRecord, read_bands, read_law};
 use crate::report::identification::{IdentificationReport, OtherRigidMotion};
 use crate::report::page::Page;
 use crate::report::summary::Summary;
 use crate::report::tournament::{TournamentRecord, TournamentReport};
+use crate::report::{Backdrop, ReducedTest};
 use crate::run::folder::read::{fields, frames_that, read_json};
 use crate::run::folder::record::Record;
 use crate::run::folder::steps::Steps;
@@ -46,6 +46,7 @@ pub(crate) fn page(
     case: &RunCase,
     joint_case: &Path,
     steps: &Steps,
+    reduced: Option<&ReducedTest>,
 ) -> Result<(String, Option<RunError>)> {
     let correlation_folder = correlation_in(folder);
     let store = Store::open(&correlation_folder)?;
@@ -114,6 +115,11 @@ pub(crate) fn page(
         provenance,
     };
     let mut page = report.page()?;
+    if let Some(reduced) = reduced {
+        // Behind the result and how far to trust it.
+        let at = page.sections.len().min(2);
+        page.sections.insert(at, reduced.section(fit.as_ref().map(|_| &*law))?);
+    }
     let fault = look_around(&mut page, folder, &store, &reference, &joint, &frames, &computed).err();
     Ok((page.html(), fault))
 }

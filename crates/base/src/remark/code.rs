@@ -431,6 +431,26 @@ codes! {
             "J falls while the joint opens."
             "The traction is the slope of J and is not negative. A load or a rotation is wrong, or the front is not straight."
             "Check the sections where loads act, the width, and the column of the load.";
+        ReductionJump "reduction-jump" Note
+            "The load of a reduced test falls at once."
+            "The crack jumped: growth was not stable. J before the jump is of its begin, after it of its arrest."
+            "Report begin and arrest apart; more images about the jump do not help.";
+        ReductionSmeared "reduction-smeared" Warning
+            "The peak of the traction is not told."
+            "Separations at the tip are as uncertain as the peak is far from the origin: a slope over them is flatter and wider than the law. J and work are not touched."
+            "Move the camera nearer to the tip, or take better images.";
+        ReductionUnseen "reduction-unseen" Warning
+            "A section where a load acts is not measured in any frame."
+            "J by loads and rotations, and the displacement of the load, need all of them."
+            "Draw the region over a zone that is in view, or leave `sections` out and name the machine's displacement.";
+        ReductionUneven "reduction-uneven" Warning
+            "The two arms of a reduced test turn by different angles."
+            "Beam methods take arms alike; J by loads and rotations does not."
+            "Check the thickness of both arms, and whether the specimen turns as a whole; trust J.";
+        DirectLawDiffers "direct-law-differs" Warning
+            "The fitted law and the slope of J differ by more than both their bands."
+            "The fit assumes one shape of the law all along the joint, and the strips as stated; the slope of J assumes straight fronts and the loads as named."
+            "Look where they differ: in the tail another law may fit (compare laws); at the origin look at r and the thickness; everywhere at width and load.";
         ReductionDisagree "reduction-disagree" Warning
             "Methods give different energy release rates."
             "J by loads and rotations assumes least. Beam methods take moduli, arm and crack as stated and no long fracture zone."

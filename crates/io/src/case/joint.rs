@@ -323,6 +323,9 @@ pub struct CaseFit {
     /// Further starts: a value for each of `parameters`, in their order.
     #[serde(default, skip_serializing_if = "is_default")]
     pub starts: Vec<Vec<f64>>,
+    /// Folder of `quadrille reduce`: the law that follows its traction is a further start, and the fitted law is compared
+    /// with it.
+    pub direct: Option<String>,
     /// Number of further starts, 1 to 1000, spread over the box of the bounds, which are then required.
     pub latin_hypercube: Option<usize>,
     /// Seed of these starts.

@@ -18,6 +18,8 @@ pub enum CaseLayout {
     Slb,
     /// A thin arm is pulled off.
     Peel,
+    /// A lap joint: the shear traction along it, from the strain of the upper adherend.
+    Lap,
 }
 
 impl CaseLayout {
@@ -29,6 +31,7 @@ impl CaseLayout {
             Self::Mmb => "mmb",
             Self::Slb => "slb",
             Self::Peel => "peel",
+            Self::Lap => "lap",
         }
     }
 }
@@ -38,9 +41,11 @@ impl CaseLayout {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseReduction {
-    /// The test: double cantilever beam, end-notched flexure, mixed-mode bending, single-leg bending, or peel.
+    /// The test: double cantilever beam, end-notched flexure, mixed-mode bending, single-leg bending, peel, or
+    /// lap joint.
     pub layout: CaseLayout,
-    /// Folder of a run of `quadrille correlate` (or of `import`), with `[load]`, the loads of its frames.
+    /// Folder of a run of `quadrille correlate` (or of `import`), with `[load]`, the loads of its frames. In `quadrille
+    /// run` neither it nor a table: the run has its own fields.
     pub run: Option<String>,
     /// Or a table with a row for each instant: `load_N`, and of `displacement_mm`, `rotation_1` (the sum of the shares
     /// of the load times the sine of the rotation), `opening_mm`, `sliding_mm`, `crack_mm` those that are known, each
@@ -79,6 +84,9 @@ pub struct CaseReduction {
     pub arm_mm: Option<f64>,
     /// Its standard uncertainty, mm.
     pub arm_mm_std: Option<f64>,
+    /// Thickness of the adhesive, mm: separations are then those of its faces, by the strain between them and the nodes.
+    /// Without it they are those of the nodes.
+    pub adhesive_mm: Option<f64>,
     /// From the line of the load (in bending: the support of the cracked end) to the initial tip, mm.
     pub crack_mm: Option<f64>,
     /// Its standard uncertainty, mm.

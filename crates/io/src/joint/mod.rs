@@ -121,7 +121,7 @@ fn joint_of(mut case: JointCase) -> Result<JointInput, JointFileError> {
     let run = match (store, &boundary.store) {
         (None, None) => None,
         (Some(mesh), border) => {
-            let run = read_joint_run(&case.base.join(mesh))?;
+            let run = read_joint_run(&case.base.join(mesh), case.mesh.zones.as_ref())?;
             if let Some(border) = border
                 && run_folder(&case.base.join(border)) != run_folder(&case.base.join(mesh))
             {

@@ -14,11 +14,12 @@ use std::sync::Arc;
 /// What a correlation, or an import, leaves beside its store.
 const SUMMARIES: [&str; 2] = ["summary.json", "import.json"];
 
-/// Reads the run in the folder `path`, or of the store `path`.
+/// Reads the run in the folder `path`, or of the store `path`: of its zones the first two where these are `only` those
+/// that are named.
 ///
 /// # Errors
 /// A store that cannot be read, no pixel size, no frame that converged; displacements that are splines.
-pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
+pub fn read_joint_run(path: &Path, only: Option<&[String; 2]>) -> Result<JointRun, JointFileError> {
     let store = Store::open(path)?;
     let Some(scale) = store.header().pixel_size else {
         let what = "the run has no pixel size; correlate again with --pixel-size MM";
@@ -34,7 +35,9 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
     let camera = header.camera().map_err(|error| refused(&error))?;
     let rectifier = Rectifier::new(camera, store.mesh()).map_err(|error| refused(&error))?;
     let measured = rectifier.mesh();
-    let n_zones = zones_of_joint(&rectifier).ok_or_else(|| {
+    let first = measured.zones().get(..2);
+    let are_first = |only: &&[String; 2]| first.is_some_and(|first| only.iter().all(|name| first.contains(name)));
+    let n_zones = only.filter(are_first).map(|_| 2).or_else(|| zones_of_joint(&rectifier)).ok_or_else(|| {
         refused(&"[camera] still: list the still zones after those of the joint, which they are no part of")
     })?;
     let n_nodes = (0..n_zones).map(|zone| measured.zone_nodes(zone).end).max().unwrap_or(0);

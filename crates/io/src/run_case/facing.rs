@@ -42,7 +42,7 @@ pub(super) fn face_each_other(
 ) -> Result<Faces, String> {
     let meshes = expand_groups(&mut case.zones, &case.base)?;
     let still = case.camera.as_ref().and_then(|camera| camera.still.clone()).unwrap_or_default();
-    let at = numbers(&case.zones, names, &still)?;
+    let at = numbers(&case.zones, names, &still, case.reduction.is_some())?;
     let shapes = [0, 1].map(|k| shape(&case.zones[at[k]], meshes[at[k]].as_ref()));
     let [first, second] = shapes;
     let joint = Joint { names, guard, element };
@@ -101,8 +101,9 @@ fn expand_groups(zones: &mut Vec<CaseZone>, base: &Path) -> Result<Vec<Option<Zo
     Ok(meshes)
 }
 
-/// The places of the two zones called `names`, which have to be all there are beside those that are `still`.
-fn numbers(zones: &[CaseZone], names: &[String; 2], still: &[String]) -> Result<[usize; 2], String> {
+/// The places of the two zones called `names`, which have to be all there are beside those that are `still`; where `more`
+/// are allowed, for the load points of a reduction, the first.
+fn numbers(zones: &[CaseZone], names: &[String; 2], still: &[String], more: bool) -> Result<[usize; 2], String> {
     let there = zones.iter().map(|zone| format!("\"{}\"", zone.name.as_deref().unwrap_or(""))).collect::<Vec<_>>();
     let there = if there.is_empty() { "no zone".to_owned() } else { there.join(", ") };
     let mut at = [0; 2];
@@ -120,9 +121,13 @@ fn numbers(zones: &[CaseZone], names: &[String; 2], still: &[String]) -> Result<
         ));
     }
     let is_part = |zone: &&CaseZone| zone.name.as_ref().is_none_or(|name| !still.contains(name));
-    if zones.iter().filter(is_part).count() != 2 {
+    if more && at.iter().any(|at| *at > 1) {
+        return Err(format!("list the zones of [interface] first; there are {there}"));
+    }
+    if !more && zones.iter().filter(is_part).count() != 2 {
         return Err(format!(
-            "there are {} zones ({there}); a joint has two, those of [interface], and [camera] still may name others",
+            "there are {} zones ({there}); a joint has two, those of [interface]; [camera] still may name others, and [reduction] those \
+             where loads act",
             zones.len()
         ));
     }

@@ -23,7 +23,7 @@ impl Moduli {
 }
 
 /// What large displacements take off, of a beam with pins at the neutral axis.
-fn large(displacement: f64, crack: f64) -> f64 {
+pub(super) fn large(displacement: f64, crack: f64) -> f64 {
     1.0 - 0.3 * (displacement / crack).powi(2)
 }
 

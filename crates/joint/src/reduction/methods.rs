@@ -18,16 +18,19 @@ pub enum Method {
     EquivalentCrack,
     /// Mixed-mode bending, ASTM D6671.
     MixedModeBending,
+    /// J of the measured field of both arms behind the tip, and of the loads and rotations ahead of it.
+    Field,
 }
 
 impl Method {
     /// Those for a layout, the most general first.
     pub(super) fn of(layout: Layout) -> Vec<Self> {
         let more: &[Self] = match layout {
-            Layout::Dcb => &[Self::EquivalentCrack, Self::CorrectedBeam, Self::ExperimentalCompliance],
-            Layout::Enf => &[Self::EquivalentCrack],
-            Layout::Mmb => &[Self::MixedModeBending],
-            Layout::Slb | Layout::Peel => &[],
+            Layout::Dcb => &[Self::EquivalentCrack, Self::CorrectedBeam, Self::ExperimentalCompliance, Self::Field],
+            Layout::Enf => &[Self::EquivalentCrack, Self::Field],
+            Layout::Mmb => &[Self::MixedModeBending, Self::Field],
+            Layout::Slb => &[Self::Field],
+            Layout::Peel | Layout::Lap => &[],
         };
         [Self::Rotation].into_iter().chain(more.iter().copied()).collect()
     }
@@ -40,6 +43,7 @@ impl Method {
             Self::ExperimentalCompliance => "ECM",
             Self::EquivalentCrack => "CBBM",
             Self::MixedModeBending => "D6671",
+            Self::Field => "J_field",
         }
     }
 
@@ -51,6 +55,7 @@ impl Method {
             Self::ExperimentalCompliance => "experimental compliance",
             Self::EquivalentCrack => "beam with an equivalent crack",
             Self::MixedModeBending => "mixed-mode bending",
+            Self::Field => "integral of the measured field behind the tip",
         }
     }
 }
@@ -98,6 +103,8 @@ fn carry<const N: usize>(inputs: [Value; N], of: impl Fn([f64; N]) -> Option<f64
     Some(Value { value, sigma: variance.sqrt() })
 }
 
+/// A rotation is seen where it is so many standard uncertainties.
+const VISIBLE: f64 = 3.0;
 const NO_CRACK: &str =
     "no length of the crack: give crack_opening_mm (the separation where it ends), an opening and crack_mm";
 /// What methods look at.
@@ -156,6 +163,10 @@ pub(super) fn evaluate(method: Method, test: Test<'_>) -> Result<MethodResult, S
             if instants.iter().all(|instant| instant.rotation.is_none()) {
                 return Err("no rotation of the sections where loads act is measured: name them in sections, as regions in view".into());
             }
+            let turns = |at: &Instant| at.rotation.is_some_and(|of| of.value.abs() > VISIBLE * of.sigma);
+            if !instants.iter().any(turns) {
+                return Err("the sections where loads act turn by less than the noise of the images".into());
+            }
             for (release, instant) in result.release.iter_mut().zip(instants) {
                 *release =
                     instant.rotation.and_then(|rotation| carry([instant.load_n, rotation], |[p, r]| Some(p * r / b)));
@@ -211,6 +222,20 @@ pub(super) fn evaluate(method: Method, test: Test<'_>) -> Result<MethodResult, S
         }
         Method::EquivalentCrack => equivalent_crack(test, &mut result)?,
         Method::MixedModeBending => mixed_mode_bending(test, &mut result)?,
+        Method::Field => {
+            if instants.iter().all(|instant| instant.section.is_none()) {
+                return Err(
+                    "no arms behind the tip: arm_mm, E_MPa and G_MPa are needed, and some arms' length of both in view"
+                        .into(),
+                );
+            }
+            for (release, instant) in result.release.iter_mut().zip(instants) {
+                let inputs = instant.section.zip(instant.rotation_ahead);
+                *release = inputs.and_then(|(of_arms, ahead)| {
+                    carry([of_arms, instant.load_n, ahead], |[j, p, r]| Some(j + p * r / b))
+                });
+            }
+        }
     }
     if result.release.iter().all(Option::is_none) {
         return Err("it has no value at any instant".into());

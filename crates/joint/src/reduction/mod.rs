@@ -3,15 +3,23 @@
 
 mod beams;
 mod compliance;
+mod direct;
+mod lap;
 mod methods;
 mod remarks;
+mod section;
 mod specimen;
 mod traction;
+mod validity;
 
 pub use compliance::{Definition, StraightLine};
+pub use direct::DirectLaw;
+pub use lap::{Adherend, LapCurve, shear_along};
 pub use methods::{Method, MethodResult};
+pub use section::{ArmPart, ArmSection};
 pub use specimen::{Instant, Layout, LoadedSection, Mode, Specimen, sections};
 pub use traction::TractionCurve;
+pub use validity::Check;
 
 use crate::field::Value;
 use crate::remark::Remark;
@@ -75,14 +83,30 @@ pub struct Reduction {
     pub methods: Vec<MethodResult>,
     /// The other methods, and what they lack.
     pub missing: Vec<(Method, String)>,
-    /// The traction, and the method whose J it is the derivative of.
-    pub traction: Option<(Method, TractionCurve)>,
+    /// The traction; of a mixed test that along both jumps, and behind it those of opening and sliding alone where a
+    /// method tells their shares of J.
+    pub tractions: Vec<Traction>,
     /// Why there is none.
     pub no_traction: Option<&'static str>,
+    /// What the standards ask of a test.
+    pub checks: Vec<Check>,
     /// What each uncertain constant does to the results.
     pub budget: Vec<BudgetLine>,
     /// What is to be looked at.
     pub remarks: Vec<Remark>,
+}
+
+/// A traction: the slope of an energy release rate over a jump at the tip.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Traction {
+    /// The method whose energy release rate it is the slope of.
+    pub method: Method,
+    /// The jump that it is drawn over.
+    pub mode: Mode,
+    /// Opening and sliding at the separations of the curve, mm.
+    pub jumps_mm: Vec<[f64; 2]>,
+    /// The curve.
+    pub curve: TractionCurve,
 }
 
 /// What a constant does to the results when it is off by its standard uncertainty.
@@ -105,33 +129,42 @@ impl Reduction {
             let at_largest = largest.and_then(|k| result.release[k]).map(|value| (name("at the largest load"), value));
             begins.into_iter().chain(at_largest).chain(result.growth.map(|value| (name("growth"), value)))
         };
-        let curve = self.traction.as_ref().map(|(_, curve)| curve);
-        let of_curve = curve.into_iter().flat_map(|curve| {
-            [
-                ("peak traction (MPa)", curve.peak_mpa),
-                ("separation at the peak (mm)", curve.peak_at_mm),
-                ("work (N/mm)", curve.work_n_per_mm),
-            ]
-            .map(|(name, value)| (name.to_owned(), value))
-        });
-        self.methods.iter().flat_map(of_method).chain(of_curve).collect()
+        let of_curve = |(k, Traction { mode, curve, .. }): (usize, &Traction)| {
+            // The first needs no name: it is that of the test.
+            let of = if k == 0 { String::new() } else { format!(" of {}", mode.names()[1]) };
+            let [peak, at] = curve.peak.map_or([None; 2], |peak| peak.map(Some));
+            let all = [
+                ("peak traction", "MPa", peak),
+                ("separation at the peak", "mm", at),
+                ("initial stiffness", "MPa/mm", curve.stiffness_mpa_per_mm),
+                ("work", "N/mm", Some(curve.work_n_per_mm)),
+            ];
+            all.into_iter().filter_map(move |(name, unit, value)| Some((format!("{name}{of} ({unit})"), value?)))
+        };
+        let of_curves = self.tractions.iter().enumerate().flat_map(of_curve);
+        self.methods.iter().flat_map(of_method).chain(of_curves).collect()
     }
 }
 
-/// Reduces a test.
+/// Reduces a test; `by_camera` are its instants with the camera off by each of its uncertainties, by name.
 ///
 /// # Errors
 /// See [`ReductionError`].
-pub fn reduce(specimen: &Specimen, instants: &[Instant]) -> Result<Reduction, ReductionError> {
-    let mut found = reduce_once(specimen, instants, None)?;
+pub fn reduce(
+    specimen: &Specimen,
+    instants: &[Instant],
+    by_camera: &[(&'static str, Vec<Instant>)],
+) -> Result<Reduction, ReductionError> {
+    let mut found = reduce_once(specimen, instants, &[])?;
     let before = found.numbers();
     // What a constant does is no matter of how smooth the curve is.
-    let smoothness = found.traction.as_ref().map(|(_, curve)| curve.smoothness);
+    let smoothness: Vec<(Mode, Smoothness)> =
+        found.tractions.iter().map(|traction| (traction.mode, traction.curve.smoothness)).collect();
     let mut line = |name: &'static str, relative_std: f64, moved: &Specimen, instants: &[Instant]| {
         if relative_std.is_nan() || relative_std <= 0.0 {
             return;
         }
-        let Ok(moved) = reduce_once(moved, instants, smoothness) else { return };
+        let Ok(moved) = reduce_once(moved, instants, &smoothness) else { return };
         let after = moved.numbers();
         let change = |(name, value): &(String, Value)| {
             let there = after.iter().find(|(other, _)| other == name)?;
@@ -144,7 +177,13 @@ pub fn reduce(specimen: &Specimen, instants: &[Instant]) -> Result<Reduction, Re
     let Specimen { width_mm, arm_mm, crack_mm, young_mpa, load_scale_std, length_scale_std, .. } = *specimen;
     line("width", relative(Some(width_mm)), &Specimen { width_mm: up(width_mm), ..*specimen }, instants);
     line("thickness of an arm", relative(arm_mm), &Specimen { arm_mm: arm_mm.map(up), ..*specimen }, instants);
-    line("Young's modulus", relative(young_mpa), &Specimen { young_mpa: young_mpa.map(up), ..*specimen }, instants);
+    // Stresses of the measured field are as large as the modulus.
+    let stiffer = |instant: &Instant| {
+        let times = |of: Value| Value { value: of.value * (1.0 + relative(young_mpa)), ..of };
+        Instant { section: instant.section.map(times), ..*instant }
+    };
+    let of_young = Specimen { young_mpa: young_mpa.map(up), ..*specimen };
+    line("Young's modulus", relative(young_mpa), &of_young, &instants.iter().map(stiffer).collect::<Vec<_>>());
     // What is measured of the crack begins at the initial tip.
     let longer = |instant: &Instant| {
         let by = crack_mm.map_or(0.0, |crack| crack.sigma);
@@ -158,13 +197,14 @@ pub fn reduce(specimen: &Specimen, instants: &[Instant]) -> Result<Reduction, Re
     };
     line("load cell", load_scale_std, specimen, &scaled(1.0 + load_scale_std, 1.0));
     line("pixel size", length_scale_std, specimen, &scaled(1.0, 1.0 + length_scale_std));
+    by_camera.iter().for_each(|(name, moved)| line(name, 1.0, specimen, moved));
     Ok(found)
 }
 
 fn reduce_once(
     specimen: &Specimen,
     instants: &[Instant],
-    smoothness: Option<Smoothness>,
+    smoothness: &[(Mode, Smoothness)],
 ) -> Result<Reduction, ReductionError> {
     let instants: Vec<Instant> = instants.iter().filter(|instant| instant.load_n.value.is_finite()).copied().collect();
     if instants.len() < 4 {
@@ -190,6 +230,7 @@ fn reduce_once(
         .collect();
     let grows = loading(&instants);
     remarks.extend(remarks::unloading(&instants, &grows));
+    remarks.extend(remarks::jumps(&instants, &grows));
     let test = Test { specimen, instants: &instants, line: line.as_ref(), begins: &begins, grows: &grows };
     let (mut methods, mut missing) = (Vec::new(), Vec::new());
     for method in Method::of(specimen.layout) {
@@ -215,13 +256,53 @@ fn reduce_once(
     }
     remarks.extend(methods.iter().find_map(|result| remarks::implausible(result, specimen)));
     remarks.extend(remarks::disagree(&methods));
-    let curve =
-        |result: &MethodResult| Some((result.method, curve_of(specimen, &instants, (result, &grows), smoothness)?));
-    let traction = methods.iter().find_map(curve);
-    let no_traction = traction
-        .is_none()
+    let tractions = tractions(specimen, &instants, (&methods, &grows), smoothness);
+    remarks.extend(tractions.first().and_then(|first| remarks::smeared(&first.curve)));
+    let no_traction = tractions
+        .is_empty()
         .then_some("six instants at least with J and a separation at the tip that grows beyond its noise are needed");
-    Ok(Reduction { instants, line, begins, methods, missing, traction, no_traction, budget: Vec::new(), remarks })
+    let checks = validity::checks(specimen, &instants, &methods);
+    Ok(Reduction {
+        instants,
+        line,
+        begins,
+        methods,
+        missing,
+        tractions,
+        no_traction,
+        checks,
+        budget: Vec::new(),
+        remarks,
+    })
+}
+
+/// The tractions that a test tells: over its own jump by the first method that bears it, and of a mixed test the others
+/// by the share of each mode in it; as smooth as is `given`.
+fn tractions(
+    specimen: &Specimen,
+    instants: &[Instant],
+    (methods, grows): (&[MethodResult], &[bool]),
+    given: &[(Mode, Smoothness)],
+) -> Vec<Traction> {
+    let smoothness = |mode: Mode| given.iter().find(|(of, _)| *of == mode).map(|(_, smoothness)| *smoothness);
+    let sharing = methods.iter().find(|result| result.sliding_share.iter().any(Option::is_some));
+    let share = |mode: Mode, k: usize| match mode {
+        _ if mode == Mode::of(specimen.layout) => Some(1.0),
+        Mode::Opening => Some(1.0 - sharing?.sliding_share[k]?),
+        _ => sharing?.sliding_share[k],
+    };
+    let of_mode = |mode: &Mode| {
+        methods.iter().find_map(|result| {
+            let share = |k: usize| share(*mode, k);
+            let curve = curve_of(specimen, instants, (result, grows), (*mode, &share), smoothness(*mode))?;
+            let jumps_mm = curve.separation_mm.iter().map(|at| jump_at(instants, *mode, *at)).collect();
+            Some(Traction { method: result.method, mode: *mode, jumps_mm, curve })
+        })
+    };
+    let all = Mode::all_of(specimen.layout);
+    // Parts without the whole are none.
+    let Some(whole) = all.first().and_then(of_mode) else { return Vec::new() };
+    std::iter::once(whole).chain(all.iter().skip(1).filter_map(of_mode)).collect()
 }
 
 /// Whether the joint is opened further at each instant than at all before: at others it is unloaded. By what is known of
@@ -243,19 +324,35 @@ fn loading(instants: &[Instant]) -> Vec<bool> {
     instants.iter().map(next).collect()
 }
 
-/// The derivative of J by the separation, over the instants at which the joint opens.
+/// Opening and sliding where the tip has come to this separation: both together in the ratio of the nearest instant.
+fn jump_at(instants: &[Instant], mode: Mode, separation: f64) -> [f64; 2] {
+    let of_instant = |instant: &Instant| {
+        let (n, t) = (instant.opening_mm?.value, instant.sliding_mm?.value);
+        let both = n.hypot(t);
+        (both > 0.0).then(|| ((both - separation).abs(), [n / both, t / both]))
+    };
+    let nearest = || instants.iter().filter_map(of_instant).min_by(|a, b| a.0.total_cmp(&b.0));
+    match mode {
+        Mode::Opening => [separation, 0.0],
+        Mode::Sliding => [0.0, separation],
+        Mode::Path => nearest().map_or([0.0; 2], |(_, along)| along.map(|c| c * separation)),
+    }
+}
+
+/// The derivative of a share of J by the separation, over the instants at which the joint opens.
 fn curve_of(
     specimen: &Specimen,
     instants: &[Instant],
     (result, grows): (&MethodResult, &[bool]),
+    (mode, share): (Mode, &dyn Fn(usize) -> Option<f64>),
     smoothness: Option<Smoothness>,
 ) -> Option<TractionCurve> {
-    let mode = Mode::of(specimen.layout);
     let sample = |(k, instant): (usize, &Instant)| -> Option<Sample> {
         let jump = instant.jump(mode).filter(|_| grows[k])?;
-        let release = result.release[k]?;
+        let (release, share) = (result.release[k]?, share(k)?);
+        let release = Value { value: share * release.value, sigma: share * release.sigma };
         let separation = Value { value: jump.value.max(0.0), ..jump };
-        let by_reference = instant.load_n.value * instant.rotation_common / specimen.width_mm.value;
+        let by_reference = share * instant.load_n.value * instant.rotation_common / specimen.width_mm.value;
         let relative = |value: Value| value.sigma / value.value;
         let mut common = [0.0; COMMON];
         common[0] = if result.method == Method::Rotation { by_reference } else { 0.0 };

@@ -3,6 +3,7 @@
 use super::compliance::StraightLine;
 use super::methods::MethodResult;
 use super::specimen::{Instant, Mode, Specimen};
+use super::traction::TractionCurve;
 use crate::remark::{About, Code, Remark};
 
 /// Slack by the displacement at the end of the straight begin that is worth a word.
@@ -14,6 +15,10 @@ const DIFFERENT: f64 = 0.15;
 const MODULUS: f64 = 3.0;
 /// Moduli of arms, MPa: wood across the grain to carbon fibres along them.
 const YOUNG: [f64; 2] = [100.0, 5e5];
+
+/// A load that falls by this share at once, while the joint opens by no more than in the steps before: a jump of the
+/// crack. Growth in a stable test takes a tenth of the load off in several instants.
+const FALL: f64 = 0.1;
 
 fn numbers(instants: &[Instant], which: impl Fn(usize) -> bool) -> Vec<usize> {
     instants.iter().enumerate().filter(|(k, _)| which(*k)).map(|(_, instant)| instant.frame).collect()
@@ -109,4 +114,38 @@ pub(super) fn disagree(methods: &[MethodResult]) -> Option<Remark> {
         others.join(", ")
     );
     (!others.is_empty()).then(|| Remark::new(Code::ReductionDisagree, About::Run, text))
+}
+
+/// The load falls at once: growth was not stable there.
+pub(super) fn jumps(instants: &[Instant], grows: &[bool]) -> Option<Remark> {
+    let steps: Vec<f64> = (instants.array_windows::<2>())
+        .filter_map(|[a, b]| Some((b.displacement_mm?.value - a.displacement_mm?.value).abs()))
+        .collect();
+    let mut sorted = steps.clone();
+    sorted.sort_by(f64::total_cmp);
+    let usual = *sorted.get(sorted.len() / 2)?;
+    let is_jump = |k: &usize| {
+        let [before, after] = [k - 1, *k].map(|k| instants[k]);
+        let step = before.displacement_mm.zip(after.displacement_mm).map(|(a, b)| b.value - a.value);
+        let noise = 4.0 * before.load_n.sigma.hypot(after.load_n.sigma);
+        let fall = before.load_n.value - after.load_n.value;
+        grows[*k] && step.is_some_and(|step| step < 2.0 * usual) && fall > (FALL * before.load_n.value).max(noise)
+    };
+    let at: Vec<usize> = (1..instants.len()).filter(is_jump).map(|k| instants[k].frame).collect();
+    let text = format!(
+        "the load falls at once at instants {}: the crack jumped, and what is printed there is of its arrest",
+        list(&at)
+    );
+    (!at.is_empty()).then(|| Remark::new(Code::ReductionJump, About::Instants(at), text))
+}
+
+/// A peak of the traction that noise of the separations has smeared.
+pub(super) fn smeared(curve: &TractionCurve) -> Option<Remark> {
+    let text = format!(
+        "the peak of the traction is not told: separations are uncertain by {:.1e} mm, and a slope over them tells one that lies at \
+         three times as much or more; a camera that sees the tip larger tells it",
+        curve.separation_std_mm
+    );
+    let remark = || Remark::new(Code::ReductionSmeared, About::Run, text);
+    curve.peak.is_none().then(remark).map(|remark| remark.with("separation_std_mm", curve.separation_std_mm))
 }

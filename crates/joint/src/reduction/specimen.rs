@@ -34,6 +34,7 @@ pub fn sections(layout: Layout, half_span: f64, lever: f64) -> Vec<LoadedSection
             section("the other support", 0.5 * (half_span + lever) / half_span, 1.0),
         ],
         Layout::Peel => vec![section("the arm that is pulled", 1.0, 1.0)],
+        Layout::Lap => Vec::new(),
     }
 }
 
@@ -53,8 +54,17 @@ impl Mode {
     pub fn of(layout: Layout) -> Self {
         match layout {
             Layout::Dcb => Self::Opening,
-            Layout::Enf => Self::Sliding,
+            Layout::Enf | Layout::Lap => Self::Sliding,
             Layout::Mmb | Layout::Slb | Layout::Peel => Self::Path,
+        }
+    }
+
+    /// Those that a test draws: over both together, and over each alone as far as a method tells their shares.
+    pub(super) fn all_of(layout: Layout) -> &'static [Self] {
+        match Self::of(layout) {
+            Self::Opening => &[Self::Opening],
+            Self::Sliding => &[Self::Sliding],
+            Self::Path => &[Self::Path, Self::Opening, Self::Sliding],
         }
     }
 
@@ -108,6 +118,10 @@ pub struct Instant {
     pub rotation: Option<Value>,
     /// The part of its standard uncertainty that the noise of the reference image makes, which all instants share.
     pub rotation_common: f64,
+    /// The same sum over the sections that lie ahead of the tip alone.
+    pub rotation_ahead: Option<Value>,
+    /// Integral of J over the sections of both arms behind the tip, N/mm, by the moduli of the specimen.
+    pub section: Option<Value>,
     /// Opening at the initial tip, mm.
     pub opening_mm: Option<Value>,
     /// Sliding there, mm.
@@ -126,6 +140,8 @@ impl Instant {
             displacement_of_images: false,
             rotation: None,
             rotation_common: 0.0,
+            rotation_ahead: None,
+            section: None,
             opening_mm: None,
             sliding_mm: None,
             crack_mm: None,
@@ -165,6 +181,7 @@ impl Instant {
         Self {
             load_n: times(load)(self.load_n),
             displacement_mm: self.displacement_mm.map(times(of_machine)),
+            section: self.section.map(times(lengths)),
             opening_mm: self.opening_mm.map(times(lengths)),
             sliding_mm: self.sliding_mm.map(times(lengths)),
             crack_mm: self.crack_mm.map(beyond),

@@ -13,7 +13,7 @@ use serde::Serialize;
 /// Intervals between knots.
 const INTERVALS: usize = 22;
 /// Functions on them.
-const N: usize = INTERVALS + 3;
+pub(super) const N: usize = INTERVALS + 3;
 /// Scales of u, by the largest separation: from even knots to knots that crowd at the origin.
 const SCALES: [f64; 4] = [10.0, 0.3, 0.1, 0.03];
 /// The mean traction by the traction of a closed joint.
@@ -22,6 +22,14 @@ const CLOSED: f64 = 1e3;
 const UNSTATED: f64 = 1e-3;
 /// By what the stated variances may be too small.
 const NOISE_FACTORS: [f64; 6] = [2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
+/// The test was at a separation where a sample lies within this share of the range in u, and beyond so many of their
+/// standard uncertainties: what is nearer to the origin is noise of the images.
+const NEAR: f64 = 0.1;
+const SEEN: f64 = 2.0;
+/// A peak nearer to the origin than so many of them is smeared: the study loses its height from three on.
+pub(super) const PEAK_KNOWN: f64 = 3.0;
+/// So is one whose standard uncertainty is more than this share of it.
+const VAGUE: f64 = 0.5;
 /// Points of the curve.
 const POINTS: usize = 121;
 /// Draws for simultaneous bands and for what is no linear function of the curve.
@@ -61,14 +69,17 @@ pub struct TractionCurve {
     /// Half of the 95 % band that holds at all places together, MPa.
     #[serde(rename = "half_of_all_MPa")]
     pub half_of_all_mpa: Vec<f64>,
-    /// Whether the test was there: a sample lies within a tenth of the range in u.
+    /// Whether the test was there: a sample is near, and the separation is more than its noise.
     pub visited: Vec<bool>,
-    /// The largest traction, MPa, where the test was.
+    /// Standard uncertainty of a separation, the median, mm.
+    pub separation_std_mm: f64,
+    /// The largest traction, MPa, where the test was, and where it is, mm; none where separations are as uncertain as
+    /// the peak is wide.
     #[serde(skip)]
-    pub peak_mpa: Value,
-    /// Where it is, mm.
+    pub peak: Option<[Value; 2]>,
+    /// Traction by separation at the first place where the test was, MPa/mm; none where that is at the peak already.
     #[serde(skip)]
-    pub peak_at_mm: Value,
+    pub stiffness_mpa_per_mm: Option<Value>,
     /// Work up to the largest separation, N/mm.
     #[serde(skip)]
     pub work_n_per_mm: Value,
@@ -90,14 +101,14 @@ pub(super) struct Smoothness {
 }
 
 /// Cubic B-splines over u and their integrals.
-struct Basis {
+pub(super) struct Basis {
     /// Scale of u, mm.
     scale: f64,
     step: f64,
 }
 
 impl Basis {
-    fn new(most: f64, share: f64) -> Self {
+    pub(super) fn new(most: f64, share: f64) -> Self {
         let scale = share * most;
         Self { scale, step: (most / scale).ln_1p() / INTERVALS as f64 }
     }
@@ -116,7 +127,7 @@ impl Basis {
         (first, [s * s * s, two, three, t3].map(|v| v / 6.0))
     }
 
-    fn row(&self, separation: f64) -> [f64; N] {
+    pub(super) fn row(&self, separation: f64) -> [f64; N] {
         let mut row = [0.0; N];
         let (first, values) = self.at(self.u(separation));
         row[first..first + 4].copy_from_slice(&values);
@@ -124,7 +135,7 @@ impl Basis {
     }
 
     /// Integrals of all functions over the separation, from 0.
-    fn integrals(&self, separation: f64) -> [f64; N] {
+    pub(super) fn integrals(&self, separation: f64) -> [f64; N] {
         let (mut sums, end) = ([0.0; N], self.u(separation.max(0.0)));
         for interval in 0..INTERVALS {
             let from = interval as f64 * self.step;
@@ -224,7 +235,7 @@ impl<'a> Problem<'a> {
         let misfit = (normal.square - 2.0 * along + form(&values)).max(0.0);
         let bend: f64 = (0..N - 2).map(|k| (values[k] - 2.0 * values[k + 1] + values[k + 2]).powi(2)).sum();
         let prior = (N - 2) as f64 * lambda.ln() - lambda * bend - values[N].powi(2);
-        let evidence = 0.5 * (prior - log_determinant(&factor) - misfit - normal.noise);
+        let evidence = 0.5 * (prior - log_determinant(&factor, N + 1) - misfit - normal.noise);
         Some(Fit { values, factor, evidence })
     }
 
@@ -279,24 +290,21 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// Of the matrix with this factor.
-fn log_determinant(factor: &DenseCholesky) -> f64 {
-    let half = factor.half_times(&Dense::from_fn(N + 1, N + 1, |a, b| f64::from(u8::from(a == b))));
-    (0..=N).map(|k| 2.0 * half[(k, k)].ln()).sum()
+/// Of the matrix of n rows with this factor.
+pub(super) fn log_determinant(factor: &DenseCholesky, n: usize) -> f64 {
+    let half = factor.half_times(&Dense::from_fn(n, n, |a, b| f64::from(u8::from(a == b))));
+    (0..n).map(|k| 2.0 * half[(k, k)].ln()).sum()
 }
 
 /// The curve of these samples, of which the separations are not negative; `None` where they are fewer than 6, or no
 /// two separations differ by more than their noise. As smooth as is `given`, or as the evidence says.
 pub(super) fn traction(samples: &[Sample], given: Option<Smoothness>) -> Option<TractionCurve> {
-    let most = samples.iter().map(|sample| sample.separation.value).fold(0.0, f64::max);
-    let mut noise: Vec<f64> = samples.iter().map(|sample| sample.separation.sigma).collect();
-    noise.sort_by(f64::total_cmp);
-    if samples.len() < 6 || most <= 3.0 * noise[noise.len() / 2] {
+    if samples.len() < 6 || range(samples) <= PEAK_KNOWN * separation_std(samples) {
         return None;
     }
     if let Some(given) = given {
         let problem = Problem::new(samples, given.share);
-        return curve(&problem, given, &problem.with(given)?, most);
+        return curve(&problem, given, &problem.with(given)?);
     }
     let of_scale = |noise_factor: f64| {
         let of = |share: f64| Some((share, Problem::new(samples, share).settled(noise_factor, None)?));
@@ -314,11 +322,23 @@ pub(super) fn traction(samples: &[Sample], given: Option<Smoothness>) -> Option<
     }
     let noise_factor = best.0;
     let (share, (exponent, fit)) = if noise_factor > 1.0 { of_scale(noise_factor)? } else { (share, (best.1, best.2)) };
-    curve(&Problem::new(samples, share), Smoothness { share, noise_factor, exponent }, &fit, most)
+    curve(&Problem::new(samples, share), Smoothness { share, noise_factor, exponent }, &fit)
 }
 
-fn curve(problem: &Problem<'_>, smoothness: Smoothness, fit: &Fit, most: f64) -> Option<TractionCurve> {
-    let n = N + 1;
+/// The largest separation.
+fn range(samples: &[Sample]) -> f64 {
+    samples.iter().map(|sample| sample.separation.value).fold(0.0, f64::max)
+}
+
+/// The median of the standard uncertainties of the separations.
+fn separation_std(samples: &[Sample]) -> f64 {
+    let mut noise: Vec<f64> = samples.iter().map(|sample| sample.separation.sigma).collect();
+    noise.sort_by(f64::total_cmp);
+    noise[noise.len() / 2]
+}
+
+fn curve(problem: &Problem<'_>, smoothness: Smoothness, fit: &Fit) -> Option<TractionCurve> {
+    let (n, most, separation_std_mm) = (N + 1, range(problem.samples), separation_std(problem.samples));
     let basis = &problem.basis;
     let end = basis.u(most);
     let separation_mm: Vec<f64> =
@@ -326,7 +346,8 @@ fn curve(problem: &Problem<'_>, smoothness: Smoothness, fit: &Fit, most: f64) ->
     let near = |separation: &f64| {
         let u = basis.u(*separation);
         let distance = |sample: &Sample| (basis.u(sample.separation.value.max(0.0)) - u).abs();
-        problem.samples.iter().map(distance).fold(f64::INFINITY, f64::min) <= 0.1 * end
+        let nearest = problem.samples.iter().map(distance).fold(f64::INFINITY, f64::min);
+        nearest <= NEAR * end && *separation >= SEEN * separation_std_mm
     };
     let visited: Vec<bool> = separation_mm.iter().map(near).collect();
     let rows: Vec<[f64; N]> = separation_mm.iter().map(|&separation| basis.row(separation)).collect();
@@ -370,25 +391,28 @@ fn curve(problem: &Problem<'_>, smoothness: Smoothness, fit: &Fit, most: f64) ->
         let seen = (0..POINTS).filter(|&k| visited[k]).map(peak);
         seen.max_by(|a, b| a[0].total_cmp(&b[0])).unwrap_or([0.0; 2])
     };
+    // At the origin the first place divides by a separation, not by zero.
+    let first = (0..POINTS).find(|&k| visited[k] && separation_mm[k] > 0.0)?;
     let numbers = |values: &[f64]| {
         let [peak, at] = peak_of(values);
-        [peak, at, of(&to_end, values)]
+        [peak, at, of(&to_end, values), of(&rows[first], values) / separation_mm[first]]
     };
-    let (here, mut squares) = (numbers(&fit.values), [0.0; 3]);
+    let (here, mut squares) = (numbers(&fit.values), [0.0; 4]);
     for k in 0..DRAWS {
         let there = numbers(&drawn(own.column(k)));
-        (0..3).for_each(|of| squares[of] += (there[of] - here[of]).powi(2) / DRAWS as f64);
+        (0..4).for_each(|of| squares[of] += (there[of] - here[of]).powi(2) / DRAWS as f64);
     }
-    let [peak_mpa, peak_at_mm, work_n_per_mm] =
-        [0, 1, 2].map(|of| Value { value: here[of], sigma: squares[of].sqrt() });
+    let [peak, at, work_n_per_mm, stiffness] =
+        [0, 1, 2, 3].map(|of| Value { value: here[of], sigma: squares[of].sqrt() });
     Some(TractionCurve {
         half_of_all_mpa: std_mpa.iter().map(|std| simultaneous * std).collect(),
+        peak: (at.value >= PEAK_KNOWN * separation_std_mm && peak.sigma < VAGUE * peak.value).then_some([peak, at]),
+        stiffness_mpa_per_mm: (separation_mm[first] < 0.5 * at.value).then_some(stiffness),
         separation_mm,
         traction_mpa,
         std_mpa,
         visited,
-        peak_mpa,
-        peak_at_mm,
+        separation_std_mm,
         work_n_per_mm,
         smoothness,
     })
@@ -446,9 +470,30 @@ mod tests {
             // Splines of 22 intervals.
             assert!((traction - law(*separation)[0]).abs() < 0.1, "{separation}: {traction}");
         }
-        assert!((found.peak_mpa.value - 20.0).abs() < 0.05, "{:?}", found.peak_mpa);
+        let [peak, at] = found.peak.unwrap();
+        assert!((peak.value - 20.0).abs() < 0.05 && (at.value - 0.01).abs() < 5e-4, "{peak:?} {at:?}");
+        // By the law at the first place: 20 e (1 - x + ...) / 0.01.
+        let stiffness = found.stiffness_mpa_per_mm.unwrap().value;
+        let first = found.separation_mm[1];
+        assert!((stiffness / (law(first)[0] / first) - 1.0).abs() < 0.05, "{stiffness}");
         assert!((found.work_n_per_mm.value - law(0.06)[1]).abs() < 1e-4, "{:?}", found.work_n_per_mm);
         assert!(found.visited.iter().all(|visited| *visited));
+    }
+
+    #[test]
+    fn a_peak_that_is_as_wide_as_the_noise_of_separations_is_not_told() {
+        // The peak of the law is at 0.01 mm; what is told of it holds it.
+        let told = |sigma: f64| -> usize {
+            let peaks =
+                (0..8).filter_map(|seed| traction(&samples(60, 0.06, [sigma, 0.005], seed), None).unwrap().peak);
+            peaks.map(|[peak, _]| assert!((peak.value - 20.0).abs() < 3.0 * peak.sigma, "{sigma}: {peak:?}")).count()
+        };
+        assert_eq!(told(0.001), 8);
+        assert!(told(0.008) <= 3);
+        let found = traction(&samples(60, 0.06, [0.008, 0.005], 1), None).unwrap();
+        assert_eq!(found.separation_std_mm, 0.008);
+        let nearest = found.separation_mm.iter().zip(&found.visited).find(|(_, visited)| **visited).unwrap().0;
+        assert!(*nearest >= 0.016, "{nearest}");
     }
 
     #[test]
@@ -458,12 +503,12 @@ mod tests {
         for seed in 0..draws {
             let found = traction(&samples(40, 0.06, [2e-4, 0.005], seed), None).unwrap();
             let off = |k: usize| (found.traction_mpa[k] - law(found.separation_mm[k])[0]).abs();
-            for k in 0..POINTS {
-                held += f64::from(u8::from(off(k) <= 1.96 * found.std_mpa[k]));
-                n += 1.0;
-            }
-            all += usize::from((0..POINTS).all(|k| off(k) <= found.half_of_all_mpa[k]));
-            peaks += ((found.peak_mpa.value - 20.0) / found.peak_mpa.sigma).powi(2);
+            let visited: Vec<usize> = (0..POINTS).filter(|&k| found.visited[k]).collect();
+            held += visited.iter().filter(|&&k| off(k) <= 1.96 * found.std_mpa[k]).count() as f64;
+            n += visited.len() as f64;
+            all += usize::from(visited.iter().all(|&k| off(k) <= found.half_of_all_mpa[k]));
+            let [peak, _] = found.peak.unwrap();
+            peaks += ((peak.value - 20.0) / peak.sigma).powi(2);
         }
         let share = held / n;
         // Points of one draw go together: some 8 places x 40 draws, 95 +- 1.2 %.

@@ -163,6 +163,7 @@ impl<'a> Case<'a> {
             weights,
             estimate_boundary: boundary == BoundaryNoise::Estimated,
             starts: starts(&unknowns, table)?,
+            direct: None,
             region: TrustRegionOptions {
                 max_evaluations: table.max_evaluations.unwrap_or(TrustRegionOptions::default().max_evaluations),
                 ..TrustRegionOptions::default()

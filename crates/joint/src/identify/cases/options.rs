@@ -1,7 +1,9 @@
 //! How to fit.
 
-use crate::identify::{Constant, TrustRegionOptions};
+use crate::identify::{Constant, TrustRegionOptions, Unknowns};
 use crate::io::case::{Discretisation, Intervals, WeightKind};
+use crate::reduction::DirectLaw;
+use std::sync::Arc;
 
 /// How to fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,6 +14,8 @@ pub struct FitOptions {
     pub estimate_boundary: bool,
     /// Further starts beside that of the unknowns.
     pub starts: Vec<Vec<f64>>,
+    /// The traction of the same test without a model: the law that follows it is one more start.
+    pub direct: Option<Arc<DirectLaw>>,
     /// The iteration.
     pub region: TrustRegionOptions,
     /// Model constants; those that are not named are exact.
@@ -44,6 +48,7 @@ impl Default for FitOptions {
             weights: WeightKind::Paper,
             estimate_boundary: false,
             starts: Vec::new(),
+            direct: None,
             region,
             constants: Vec::new(),
             discretisation: Discretisation::Stated,
@@ -54,5 +59,17 @@ impl Default for FitOptions {
             other_minima: true,
             judge_rotations: true,
         }
+    }
+}
+
+impl FitOptions {
+    /// All starts: that of the unknowns, the further ones, and the law that follows the direct traction.
+    pub(crate) fn starts_of(&self, unknowns: &Unknowns) -> Vec<Vec<f64>> {
+        let along = |direct: &Arc<DirectLaw>| {
+            let start = unknowns.scaled(&unknowns.start());
+            unknowns.unscaled(&direct.start(&start, |z| unknowns.law_at(&unknowns.unscaled(z)).ok()))
+        };
+        let further = self.starts.iter().cloned().chain(self.direct.iter().map(along));
+        std::iter::once(unknowns.start()).chain(further).collect()
     }
 }

@@ -66,7 +66,7 @@ pub fn fit_combined(case: &CombinedCase<'_>) -> Result<CombinedFit, FitError> {
         .collect();
     let first = tests[0].problem;
     let (unknowns, options) = (&first.unknowns, tests[0].options);
-    let starts: Vec<Vec<f64>> = std::iter::once(unknowns.start()).chain(options.starts.iter().cloned()).collect();
+    let starts = options.starts_of(unknowns);
     let found = search(&tests, &starts, &options.region, |ends| compare(unknowns, &starts, ends).0)?;
     if found.ends[found.best].local.is_none() {
         let (start, reason) = (describe(unknowns, &unknowns.start()), found.ends[found.best].reason.clone());

@@ -49,6 +49,7 @@ pub fn profile(problem: &Problem<'_>, options: &FitOptions, done: &Fit, k: usize
     };
     let options = FitOptions {
         starts: Vec::new(),
+        direct: None,
         constants: Vec::new(),
         discretisation: Discretisation::Off,
         doubt: false,

@@ -150,7 +150,7 @@ impl LawFit<'_> {
                 return Ok(());
             }
             let there = self.problem.with_unknowns(unknowns.starting_at(&unknowns.unscaled(lower))?);
-            match fit(&there, &FitOptions { starts: Vec::new(), ..options.clone() }) {
+            match fit(&there, &FitOptions { starts: Vec::new(), direct: None, ..options.clone() }) {
                 Ok(found) if found.status == FitStatus::Converged && found.omega < done.omega => {
                     self.take(found, options);
                 }

@@ -165,7 +165,7 @@ fn fit_looking(problem: &Problem<'_>, options: &FitOptions, looks: usize) -> Res
 /// Fits them from `there` on, as if the start of `problem` had led there.
 fn fit_from(problem: &Problem<'_>, there: Unknowns, options: &FitOptions, looks: usize) -> Result<Fit, FitError> {
     let unknowns = &problem.unknowns;
-    let options = FitOptions { starts: vec![unknowns.start()], ..options.clone() };
+    let options = FitOptions { starts: vec![unknowns.start()], direct: None, ..options.clone() };
     let mut fit = fit_looking(&problem.with_unknowns(there), &options, looks)?;
     fit.parameters.iter_mut().zip(unknowns.list()).for_each(|(p, unknown)| p.start = unknown.start);
     Ok(fit)
@@ -192,7 +192,7 @@ impl Minimum {
         let measured = &problem.border.boundary;
         let noisy_boundary = !problem.observation.prescribed.is_empty();
         let mut weights = problem.first_weights(options.weights)?;
-        let starts: Vec<Vec<f64>> = std::iter::once(unknowns.start()).chain(options.starts.iter().cloned()).collect();
+        let starts = options.starts_of(unknowns);
         let follows_data = options.weights == WeightKind::Covariance && noisy_boundary;
         let region = match follows_data && starts.len() == 1 {
             true => TrustRegionOptions { step_tolerance: COARSE, ..options.region },
