@@ -65,7 +65,7 @@ def rows(path):
 
 
 def compute(program, folder, kind, law):
-    """Nodes, fields, forces by mm and (opening, sliding, T_n, T_t) at the tip, by instant."""
+    """Nodes, fields, forces by mm and (opening, sliding, T_n, T_t) at the tip and at the other end of the joint, by instant."""
     options, loaded, crack, *_ = KINDS[kind]
     subprocess.run([program, "make", "specimen", kind, *options.split(), "--output", folder / "it"], check=True, capture_output=True)
     case = folder / "it/case.toml"
@@ -76,16 +76,19 @@ def compute(program, folder, kind, law):
     if done.returncode == 2:
         sys.exit(f"{kind} {law}: {done.stderr}")
     nodes = json.loads((folder / "it/mesh.json").read_text())["nodes"]
-    fields, forces, tips = {}, {}, {}
+    fields, forces, tips, ends = {}, {}, {}, {}
     for row in rows(folder / "out/solution.csv"):
         fields.setdefault(int(row["instant"]), {})[int(row["node"])] = (float(row["ux_mm"]), float(row["uy_mm"]))
     for row in rows(folder / "out/reactions.csv"):
         if row["group"] == loaded:
             forces[int(row["instant"])] = abs(float(row["Fy_N_per_mm"]))
-    for row in rows(folder / "out/tractions.csv"):
-        if abs(float(row["x_mm"]) - crack) < 1e-6:
-            tips[int(row["instant"])] = [float(row[key]) for key in ("Dn_mm", "Dt_mm", "Tn_MPa", "Tt_MPa")]
-    return nodes, fields, forces, tips
+    tractions = rows(folder / "out/tractions.csv")
+    end = max(float(row["x_mm"]) for row in tractions)
+    for at, there in ((crack, tips), (end, ends)):
+        for row in tractions:
+            if abs(float(row["x_mm"]) - at) < 1e-6:
+                there[int(row["instant"])] = [float(row[key]) for key in ("Dn_mm", "Dt_mm", "Tn_MPa", "Tt_MPa")]
+    return nodes, fields, forces, tips, ends
 
 
 class Section:
@@ -113,10 +116,10 @@ class Section:
 
 def table(path, made, sections, noise_px, seed):
     """Writes what a camera and a load cell would read; returns J without noise."""
-    nodes, fields, forces, tips = made
+    nodes, fields, forces, tips, ends = made
     draw, sigma, exact = random.Random(seed), noise_px * PX, []
     lines = ["load_N,sigma_load_N,displacement_mm,sigma_displacement_mm,rotation_1,sigma_rotation_1,opening_mm,sigma_opening_mm,"
-             "sliding_mm,sigma_sliding_mm"]
+             "sliding_mm,sigma_sliding_mm,other_end_mm"]
     for k in sorted(tips):
         noisy = {n: tuple(v + sigma * draw.gauss(0, 1) for v in u) for n, u in fields[k].items()}
         turn = shift = of_turn = of_shift = clean = 0.0
@@ -128,13 +131,16 @@ def table(path, made, sections, noise_px, seed):
         exact.append(forces[k] * clean)
         load, of_jump = WIDTH * forces[k] + FORCE_STD * draw.gauss(0, 1), sigma * math.sqrt(2)
         jump = [v + of_jump * draw.gauss(0, 1) for v in tips[k][:2]]
-        lines.append(f"{load},{FORCE_STD},{shift},{of_shift},{turn},{of_turn},{jump[0]},{of_jump},{jump[1]},{of_jump}")
+        lines.append(f"{load},{FORCE_STD},{shift},{of_shift},{turn},{of_turn},{jump[0]},{of_jump},{jump[1]},{of_jump},{math.hypot(*ends[k][:2])}")
     path.write_text("\n".join(lines) + "\n")
     return exact
 
 
-def works(tips):
-    """Work of the law at the tip up to each instant, by trapezia: some percent off where an instant passes much of the law."""
+def works(tips, ends=None):
+    """Work of the law at the tip up to each instant, less that at the other end (of bending tests it slides, too), by trapezia: some
+    percent off where an instant passes much of the law."""
+    if ends:
+        return [tip - end for tip, end in zip(works(tips), works(ends))]
     total, before, out = 0.0, [0.0] * 4, []
     for k in sorted(tips):
         here = tips[k]
@@ -168,7 +174,7 @@ def scene(program, kind, law, noise_px, seeds):
             if done.returncode:
                 print(f"{kind} {law} {noise_px} px, seed {seed}: {done.stderr.strip()}")
                 continue
-            for row, truth, work in zip(rows(out / "reduction.csv"), exact, works(made[3])):
+            for row, truth, work in zip(rows(out / "reduction.csv"), exact, works(*made[3:])):
                 found, sigma = float(row["J_N_per_mm"]), float(row["sigma_J_N_per_mm"])
                 if work > 0.1 * 0.5:
                     ratio.append(found / work)
@@ -201,7 +207,7 @@ def photographed(program, law):
     """J of a beam by its images: growth over the work of the law, z of J and of J of the field at each frame."""
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        *_, tips = compute(program, folder, "dcb", law)
+        tips = compute(program, folder, "dcb", law)[3]
         for command in (["make", "specimen", "dcb", *KINDS["dcb"][0].split(), "--images", folder / "out", "--output", folder / "test"],
                         ["correlate", "--case", folder / "test/test.toml", "--output", folder / "test/fields", "--quiet"],
                         ["reduce", folder / "test/test.toml", "--output", folder / "reduced", "--quiet"]):

@@ -33,8 +33,7 @@ HEAD = """\
 # Speed and accuracy: current figures
 
 Written by `make results` (`scripts/results.py`). Every section has its own date and machine. Times are on the wall,
-median (fastest-slowest), unless a section says otherwise. Compare within a section only. Before
-2026-11-30 the default was cubic.
+median (fastest-slowest). Compare within a section only. Before 2026-11-30 the default was cubic.
 """
 MEMORY = Path("/dev/shm") if Path("/dev/shm").is_dir() else Path(tempfile.gettempdir())
 WIDTH = 112  # of the lines of the page

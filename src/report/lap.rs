@@ -22,7 +22,7 @@ pub struct LapRecord {
     pub case: String,
     /// The test.
     pub layout: &'static str,
-    /// Stiffness `E t` of the upper adherend, N/mm by unit of width, and its standard uncertainty.
+    /// Stiffness `E t` of each adherend, N/mm by unit of width, and its standard uncertainty.
     #[serde(rename = "stiffness_N_per_mm")]
     pub stiffness_n_per_mm: WithStd,
     /// The frames.
@@ -69,7 +69,7 @@ impl LapRecord {
                 (vec![of.frame as u64], vec![along_mm[k], sliding, traction_mpa[k], std_mpa[k]])
             })
         });
-        let about = "shear traction along the lap, from the strain of the upper adherend; std of images".to_owned();
+        let about = "shear traction along the lap, from the strain of the adherends; std of images".to_owned();
         write_table(out, &[version(), about], &columns, rows)
     }
 
@@ -99,7 +99,7 @@ impl LapRecord {
         });
         let over = Plot::new("Shear traction over sliding", "sliding (mm)", "T_t (MPa)", over.collect::<Vec<_>>());
         vec![
-            ("shear-along", along, "From the strain of the upper adherend; bands: 95 %, of images".to_owned()),
+            ("shear-along", along, "From the strain of the adherends; bands: 95 %, of images".to_owned()),
             ("shear-sliding", over, "Each place of the lap at each frame: one curve where one law holds".to_owned()),
         ]
     }
@@ -122,7 +122,7 @@ impl LapRecord {
         let columns = ["frame", "load (N)", "force by the strain (N)", "mean T_t (MPa)", "largest T_t (MPa)"];
         blocks.push(Block::table(&columns, rows));
         let figures = self.plots().into_iter().map(|(_, plot, caption)| Block::curves(&plot, caption));
-        let stiffness = vec![("stiffness E t of the adherend (N/mm)".to_owned(), self.stiffness_n_per_mm.in_words())];
+        let stiffness = vec![("stiffness E t of each adherend (N/mm)".to_owned(), self.stiffness_n_per_mm.in_words())];
         Ok(Page {
             title: "Lap joint, reduced".to_owned(),
             subtitle: format!("quadrille {}, {}", self.quadrille, self.case),

@@ -176,6 +176,7 @@ impl ReductionRecord {
         let mut columns =
             to_strings(&["frame", "load_N", "displacement_mm", "rotation_1", "opening_mm", "sliding_mm", "crack_mm"]);
         columns = columns.into_iter().flat_map(|name| with_sigma(name.clone(), name != "frame")).collect();
+        columns.push("other_end_mm".to_owned());
         for result in &self.found.methods {
             let name = result.method.name();
             columns.extend(with_sigma(format!("{name}_N_per_mm"), true));
@@ -183,9 +184,11 @@ impl ReductionRecord {
         }
         let pair = |value: Option<Value>| value.map_or([f64::NAN; 2], |value| [value.value, value.sigma]);
         let row = |(k, instant): (usize, &Instant)| {
-            let Instant { load_n, displacement_mm, rotation, opening_mm, sliding_mm, crack_mm, .. } = *instant;
+            let Instant { load_n, displacement_mm, rotation, opening_mm, sliding_mm, other_end_mm, crack_mm, .. } =
+                *instant;
             let measured = [Some(load_n), displacement_mm, rotation, opening_mm, sliding_mm, crack_mm];
             let mut values: Vec<f64> = measured.into_iter().flat_map(pair).collect();
+            values.push(other_end_mm.unwrap_or(f64::NAN));
             for result in &self.found.methods {
                 values.extend(pair(result.release[k]));
                 values.extend([result.crack_mm[k], result.sliding_share[k]].map(|of| of.unwrap_or(f64::NAN)));

@@ -54,6 +54,8 @@ struct Computed {
     /// Force by mm of width, and the jump at the tip (opening, sliding; mm).
     forces: Vec<f64>,
     jumps: Vec<[f64; 2]>,
+    /// The jump at the other end of the joint, which takes work as well.
+    ends: Vec<[f64; 2]>,
 }
 
 fn columns(text: &str) -> Vec<BTreeMap<String, String>> {
@@ -84,10 +86,15 @@ impl Test {
         let reactions = columns(&desk.read("it/out/reactions.csv"));
         let loaded = reactions.iter().filter(|row| row["group"] == self.loaded);
         let tractions = columns(&desk.read("it/out/tractions.csv"));
-        let at_tip = tractions.iter().filter(|row| (number(row, "x_mm") - self.crack).abs() < 1e-6);
+        let end = tractions.iter().map(|row| number(row, "x_mm")).fold(0.0, f64::max);
+        let jumps = |at: f64| -> Vec<[f64; 2]> {
+            let rows = tractions.iter().filter(|row| (number(row, "x_mm") - at).abs() < 1e-6);
+            rows.map(|row| ["Dn_mm", "Dt_mm"].map(|name| number(row, name))).collect()
+        };
         Computed {
             forces: loaded.map(|row| number(row, "Fy_N_per_mm").abs()).collect(),
-            jumps: at_tip.map(|row| ["Dn_mm", "Dt_mm"].map(|name| number(row, name))).collect(),
+            jumps: jumps(self.crack),
+            ends: jumps(end),
             desk,
         }
     }
@@ -346,7 +353,8 @@ fn bent(test: &Test) -> Desk {
     let computed = test.measure();
     let desk = &computed.desk;
     println!("{}", desk.run("reduce test/test.toml --output reduced").fine().stderr);
-    let works = work(&computed.jumps);
+    // What the loads do goes into the tip, less what the other end of the joint, which slides too, has taken.
+    let works: Vec<f64> = work(&computed.jumps).iter().zip(work(&computed.ends)).map(|(tip, end)| tip - end).collect();
     let rows = columns(&desk.read("reduced/reduction.csv"));
     for ((row, truth), jump) in rows.iter().zip(&works).zip(&computed.jumps) {
         let (found, sigma) = (number(row, "J_N_per_mm"), number(row, "sigma_J_N_per_mm"));
@@ -354,11 +362,11 @@ fn bent(test: &Test) -> Desk {
             "J {found:.4} +- {sigma:.4} for {truth:.4}; {jump:?}, read {} {}",
             row["opening_mm"], row["sliding_mm"]
         );
-        // The domain integral of the computed field is 6 % less than the work at its tip: elements of an eighth of an arm.
-        assert!((found - truth).abs() < 0.06 * truth + 3.5 * sigma, "{}: {found} +- {sigma} for {truth}", row["frame"]);
+        // Elements of an eighth of an arm: 2 %.
+        assert!((found - truth).abs() < 0.02 * truth + 3.5 * sigma, "{}: {found} +- {sigma} for {truth}", row["frame"]);
         let [found, sigma] = ["J_field_N_per_mm", "sigma_J_field_N_per_mm"].map(|name| number(row, name));
         println!("J of the field {found:.4} +- {sigma:.4}");
-        assert!((found - truth).abs() < 0.06 * truth + 3.5 * sigma, "{}: {found} +- {sigma} for {truth}", row["frame"]);
+        assert!((found - truth).abs() < 0.02 * truth + 3.5 * sigma, "{}: {found} +- {sigma} for {truth}", row["frame"]);
     }
     computed.desk
 }
@@ -492,4 +500,29 @@ fn a_run_draws_the_fitted_law_beside_the_slope_of_j_and_says_where_they_differ()
     let wrong = desk.read("ran/identify.toml").replace("direct = \"reduction\"", "direct = \"nowhere\"");
     desk.write("ran/wrong.toml", wrong);
     desk.run("identify ran/wrong.toml --output wrong-fit").refused(&["nowhere", "reduction.json"]);
+}
+
+#[test]
+fn the_rising_resistance_of_a_public_laminate_is_recovered_without_a_law() {
+    let Some(folder) = crate::common::data::folder("dcb-curves") else { return };
+    let text = std::fs::read_to_string(folder.join("deGraciaDcbTestData.csv")).unwrap();
+    // Opening (mm) and load (N), unsorted near the origin.
+    let mut rows: Vec<[f64; 2]> = text
+        .lines()
+        .map(|line| line.split_once(',').unwrap())
+        .map(|(u, p)| [u, p].map(|v| v.trim().parse().unwrap()))
+        .collect();
+    rows.retain(|[opening, _]| *opening > 0.0);
+    rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let desk = Desk::new();
+    let series: String = rows.iter().map(|[opening, load]| format!("{load},{opening}\n")).collect();
+    desk.write("series.csv", format!("load_N,displacement_mm\n{series}"));
+    let case = "[reduction]\nlayout = 'dcb'\ntable = 'series.csv'\nwidth_mm = 15.0\narm_mm = 1.5\ncrack_mm = 40.0\nG_MPa = 4000.0\n";
+    desk.write("laminate.toml", case);
+    desk.run("reduce laminate.toml --output out").fine();
+    // Bridging fibres: 0.333 N/mm at the largest load, 0.512 at the end, where a fit of one law is rejected.
+    let [at_largest, _] = result(&desk.json("out/reduction.json"), "CBBM at the largest load (N/mm)");
+    let last = number(columns(&desk.read("out/reduction.csv")).last().unwrap(), "CBBM_N_per_mm");
+    println!("{at_largest} to {last}");
+    assert!((at_largest / 0.333 - 1.0).abs() < 0.01 && (last / 0.512 - 1.0).abs() < 0.01, "{at_largest} to {last}");
 }

@@ -49,7 +49,7 @@ pub struct CaseReduction {
     pub run: Option<String>,
     /// Or a table with a row for each instant: `load_N`, and of `displacement_mm`, `rotation_1` (the sum of the shares
     /// of the load times the sine of the rotation), `opening_mm`, `sliding_mm`, `crack_mm` those that are known, each
-    /// with `sigma_...` beside it: as in `reduction.csv`.
+    /// with `sigma_...` beside it, and `other_end_mm`: as in `reduction.csv`.
     pub table: Option<String>,
     /// Names of the `[[region]]`s where loads act, in the order that the layout has (docs/reduction.md). Without them
     /// J is not known.

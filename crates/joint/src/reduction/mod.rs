@@ -360,7 +360,9 @@ fn curve_of(
         common[2] = release.value * specimen.load_scale_std;
         // Of the image of the reference only what is not common scatters.
         let sigma = (release.sigma.powi(2) - common[0].powi(2)).max(0.0).sqrt();
-        Some(Sample { separation, release: Value { sigma, ..release }, common })
+        // Of a part of the modes nobody knows what it is there.
+        let other_end = instant.other_end_mm.filter(|_| mode == Mode::of(specimen.layout)).unwrap_or(0.0);
+        Some(Sample { separation, release: Value { sigma, ..release }, other_end, common })
     };
     let samples: Vec<Sample> = instants.iter().enumerate().filter_map(sample).collect();
     traction(&samples, smoothness)

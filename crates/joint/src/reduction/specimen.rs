@@ -126,6 +126,9 @@ pub struct Instant {
     pub opening_mm: Option<Value>,
     /// Sliding there, mm.
     pub sliding_mm: Option<Value>,
+    /// Jump at the other end of the joint, mm, where it is more than noise: of bending tests that end slides, too, and J
+    /// of the loads is the work at the tip less the work there.
+    pub other_end_mm: Option<f64>,
     /// Length of the crack, mm.
     pub crack_mm: Option<Value>,
 }
@@ -144,6 +147,7 @@ impl Instant {
             section: None,
             opening_mm: None,
             sliding_mm: None,
+            other_end_mm: None,
             crack_mm: None,
         }
     }
@@ -184,6 +188,7 @@ impl Instant {
             section: self.section.map(times(lengths)),
             opening_mm: self.opening_mm.map(times(lengths)),
             sliding_mm: self.sliding_mm.map(times(lengths)),
+            other_end_mm: self.other_end_mm.map(|at| lengths * at),
             crack_mm: self.crack_mm.map(beyond),
             ..self
         }

@@ -48,6 +48,8 @@ const GAUSS: [[f64; 2]; 4] = [
 pub(super) struct Sample {
     pub(super) separation: Value,
     pub(super) release: Value,
+    /// Separation at the other end of the joint, mm: J is the work between both.
+    pub(super) other_end: f64,
     /// What errors that all samples share do to J here, N/mm: of the reference image, of width, of the load cell.
     pub(super) common: [f64; COMMON],
 }
@@ -185,7 +187,11 @@ impl<'a> Problem<'a> {
     fn new(samples: &'a [Sample], share: f64) -> Self {
         let most = samples.iter().fold(0.0_f64, |most, sample| most.max(sample.separation.value));
         let basis = Basis::new(most, share);
-        let rows = samples.iter().map(|sample| basis.integrals(sample.separation.value)).collect();
+        let between = |sample: &Sample| {
+            let [tip, end] = [sample.separation.value, sample.other_end].map(|at| basis.integrals(at));
+            std::array::from_fn(|k| tip[k] - end[k])
+        };
+        let rows = samples.iter().map(between).collect();
         let largest = samples.iter().map(|sample| sample.release.value.abs()).fold(f64::MIN_POSITIVE, f64::max);
         Self { samples, basis, rows, mean: largest / most }
     }
@@ -440,6 +446,7 @@ mod tests {
                 Sample {
                     separation: Value { value: separation.max(0.0), sigma: sigma[0] },
                     release: Value { value: release, sigma: sigma[1] },
+                    other_end: 0.0,
                     common: [0.0; COMMON],
                 }
             })
@@ -478,6 +485,20 @@ mod tests {
         assert!((stiffness / (law(first)[0] / first) - 1.0).abs() < 0.05, "{stiffness}");
         assert!((found.work_n_per_mm.value - law(0.06)[1]).abs() < 1e-4, "{:?}", found.work_n_per_mm);
         assert!(found.visited.iter().all(|visited| *visited));
+    }
+
+    #[test]
+    fn what_the_other_end_of_the_joint_takes_is_no_part_of_the_traction_at_the_tip() {
+        let mut both = samples(60, 0.06, [0.0, 1e-6], 1);
+        for sample in &mut both {
+            sample.other_end = 0.1 * sample.separation.value;
+            sample.release.value -= law(sample.other_end)[1];
+        }
+        let found = traction(&both, None).unwrap();
+        for (separation, traction) in found.separation_mm.iter().zip(&found.traction_mpa) {
+            assert!((traction - law(*separation)[0]).abs() < 0.15, "{separation}: {traction}");
+        }
+        assert!((found.work_n_per_mm.value - law(0.06)[1]).abs() < 2e-4, "{:?}", found.work_n_per_mm);
     }
 
     #[test]

@@ -11,10 +11,15 @@ use crate::reduction::{Instant, Layout, LoadedSection, Mode, Specimen, sections}
 use crate::remark::{About, Code, Remark};
 use crate::run::words::Result;
 use crate::units::Px;
+use rayon::prelude::*;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Angles of both arms that differ by this share of their sum are worth a word.
 const UNEVEN: f64 = 0.1;
+/// Places at the other end of the joint whose jump is taken together, and what makes it more than noise.
+const END_PLACES: usize = 8;
+const END_SEEN: f64 = 3.0;
 
 /// What the fields of a run are asked for.
 struct Asked<'a> {
@@ -35,6 +40,21 @@ struct Drawn {
     regions: Vec<Option<RegionValues>>,
     /// At each place of the joint.
     jumps: Vec<Option<Jump>>,
+}
+
+/// What frames have in common, made of one of them: where others have measured other nodes they make it anew.
+struct Kept {
+    measured: Vec<bool>,
+    noise: NodalNoise,
+    growth: Point,
+    arms: Arc<Option<Arms>>,
+}
+
+/// What one frame says: also with the camera off by each of its uncertainties, and by which angle each section turns.
+struct OfFrame {
+    instant: Instant,
+    by_camera: Vec<(&'static str, Instant)>,
+    turns: Vec<Option<Value>>,
 }
 
 /// What a run, or a table, says.
@@ -86,40 +106,59 @@ pub(super) fn of_run(case: &CaseFile, asked: &CaseReduction, specimen: &Specimen
     };
     let moduli = specimen.young_mpa.zip(specimen.shear_mpa).map(|(young, shear)| [young.value, shear]);
     let moduli = moduli.filter(|_| specimen.arm_mm.is_some());
-    let mut noise: Option<NodalNoise> = None;
-    let mut found = Found { length_scale_std: header.pixel_size_std(), ..Found::default() };
-    let mut along: Option<Point> = None;
-    let mut arms: Option<(Vec<bool>, Option<Arms>)> = None;
-    let mut turns: Vec<(f64, Vec<Option<Value>>)> = Vec::new();
+    let has_field = |frame: usize| -> Result<bool> {
+        Ok(opened.load(frame).is_some() && store.status(frame)?.is_some_and(|status| status.has_field()))
+    };
+    let mut frames = Vec::new();
     for frame in 1..=store.n_frames() {
-        let Some(load) = opened.load(frame) else { continue };
-        let load_n = Value { value: load, sigma: asked.force_std_n.unwrap_or(0.0) };
-        let has_field = store.status(frame)?.is_some_and(|status| status.has_field());
-        let Some(of_frame) = (if has_field { store.frame(frame)? } else { None }) else { continue };
+        frames.extend(has_field(frame)?.then_some(frame));
+    }
+    let load = |frame: &usize| opened.load(*frame).unwrap_or(0.0);
+    let Some(largest) = frames.iter().copied().max_by(|a, b| load(a).total_cmp(&load(b))) else {
+        return Err(wrong("no frame has both a field and a load"));
+    };
+    // What frames have in common is made of that in which the specimen is bent most.
+    let read = |frame: usize, kept: Option<&Kept>| -> Result<(Kept, OfFrame)> {
+        let none = || format!("frame {frame} of the run has no field");
+        let of_frame = store.frame(frame)?.ok_or_else(none)?;
         let plane = camera.rectify(&of_frame.measurement);
-        let of_field = NodalNoise::along(noise.take(), &*plane, *is_bound, Some(camera.raw_mesh()));
-        let noise = &*noise.insert(of_field);
+        let of_others = kept.map(|kept| kept.noise.clone());
+        let noise = NodalNoise::along(of_others, &*plane, *is_bound, Some(camera.raw_mesh()));
         let values = noise.values_only();
-        let drawn = reader.draw(&plane, noise, &values);
-        along = along.or_else(|| reader.growth(&drawn));
-        let growth = along.unwrap_or_else(|| reader.growth_by_opening(&drawn));
-        turns.push((load_n.value, reader.turns(&drawn, growth).into_iter().map(|turn| Some(turn?.1)).collect()));
-        if let Some(moduli) = moduli.filter(|_| arms.as_ref().is_none_or(|(measured, _)| *measured != plane.measured)) {
-            let loads = reader.turns(&drawn, growth).into_iter().flatten().map(|(at, _)| at);
-            arms = Some((plane.measured.clone(), reader.beside.arms(&plane, noise, growth, loads, moduli)));
-        }
-        let of_arms = arms.as_ref().and_then(|(_, arms)| arms.as_ref());
-        let at_rest = Instant::of_load(frame, load_n);
-        found.instants.push(reader.read(&plane, noise, (&drawn, growth, of_arms), at_rest));
+        let drawn = reader.draw(&plane, &noise, &values);
+        let growth = kept.map(|kept| kept.growth);
+        let growth = growth.or_else(|| reader.growth(&drawn)).unwrap_or_else(|| reader.growth_by_opening(&drawn));
+        let same = kept.filter(|kept| kept.measured == plane.measured).map(|kept| kept.arms.clone());
+        let loads = || reader.turns(&drawn, growth).into_iter().flatten().map(|(at, _)| at);
+        let made = || Arc::new(moduli.and_then(|moduli| reader.beside.arms(&plane, &noise, growth, loads(), moduli)));
+        let arms = same.unwrap_or_else(made);
+        let at_rest = Instant::of_load(frame, Value { value: load(&frame), sigma: asked.force_std_n.unwrap_or(0.0) });
+        let of_arms = (*arms).as_ref();
+        let turns = reader.turns(&drawn, growth).into_iter().map(|turn| Some(turn?.1)).collect();
+        let instant = reader.read(&plane, &noise, (&drawn, growth, of_arms), at_rest);
         let mut other = (*plane).clone();
-        for (k, CameraTerm { name, change, .. }) in camera.terms(&plane).into_iter().enumerate() {
+        let moved = |CameraTerm { name, change, .. }: CameraTerm| {
             let changed = plane.displacement.iter().zip(change).map(|(u, by)| [u[0] + by[0], u[1] + by[1]]);
             other.displacement = changed.collect();
             let drawn = reader.draw(&other, &values, &values);
+            (name, reader.read(&other, &values, (&drawn, growth, of_arms), at_rest))
+        };
+        let by_camera = camera.terms(&plane).into_iter().map(moved).collect();
+        let kept = Kept { measured: plane.measured.clone(), noise, growth, arms };
+        Ok((kept, OfFrame { instant, by_camera, turns }))
+    };
+    let kept = read(largest, None)?.0;
+    let all = frames.par_iter().map(|&frame| Ok(read(frame, Some(&kept))?.1)).collect::<Result<Vec<OfFrame>>>()?;
+    let mut found = Found { length_scale_std: header.pixel_size_std(), ..Found::default() };
+    let mut turns: Vec<(f64, Vec<Option<Value>>)> = Vec::new();
+    for of_frame in all {
+        found.instants.push(of_frame.instant);
+        turns.push((of_frame.instant.load_n.value, of_frame.turns));
+        for (k, (name, instant)) in of_frame.by_camera.into_iter().enumerate() {
             if k == found.by_camera.len() {
                 found.by_camera.push((name, Vec::new()));
             }
-            found.by_camera[k].1.push(reader.read(&other, &values, (&drawn, growth, of_arms), at_rest));
+            found.by_camera[k].1.push(instant);
         }
     }
     // Sections move with the load: where they do not, the upper arm is the lower one, or the test lies upside down.
@@ -257,12 +296,33 @@ impl Asked<'_> {
     ) -> Instant {
         let mut instant = self.instant((field, noise), drawn, growth, instant);
         self.beside.to_faces(field, noise, &mut instant);
+        instant.other_end_mm = self.other_end((field, noise), drawn, growth);
         instant.section = arms.map(|arms| self.beside.section(field, growth, arms));
         instant.crack_mm = self.crack.and_then(|[least, initial]| {
             let ahead = self.crack((field, noise), drawn, growth, least)?;
             Some(Value { value: initial + ahead.value, ..ahead })
         });
         instant
+    }
+
+    /// The jump at the other end of the joint, mm: the mean over the furthest places ahead, where it is more than noise.
+    fn other_end(&self, (field, noise): (&Measurement<Px>, &NodalNoise), drawn: &Drawn, growth: Point) -> Option<f64> {
+        let ahead = |point: &FacingPoint| dot(minus(point.at, self.beside.tip), growth);
+        let mut places: Vec<(&FacingPoint, Jump)> =
+            self.points.iter().zip(&drawn.jumps).filter_map(|(point, jump)| Some((point, (*jump)?))).collect();
+        places.retain(|(point, _)| ahead(point) > 0.0);
+        places.sort_by(|a, b| ahead(b.0).total_cmp(&ahead(a.0)));
+        places.truncate(END_PLACES);
+        let n = places.len() as f64;
+        let [opening, sliding] = [|jump: &Jump| jump.opening.value, |jump: &Jump| jump.sliding.value]
+            .map(|of| places.iter().map(|(_, jump)| of(jump)).sum::<f64>() / n);
+        let one = places.first()?.0.read(field, noise)?;
+        let (value, sigma) = match Mode::of(self.layout) {
+            Mode::Opening => (opening, one.opening.sigma),
+            Mode::Sliding => (sliding.abs(), one.sliding.sigma),
+            Mode::Path => (opening.hypot(sliding), one.opening.sigma.hypot(one.sliding.sigma)),
+        };
+        (value > END_SEEN * sigma / n.sqrt()).then_some(self.beside.mm_per_px * value)
     }
 
     /// What sections and the opening say, in mm.

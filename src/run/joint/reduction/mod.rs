@@ -175,6 +175,7 @@ fn of_table(asked: &CaseReduction, path: &Path) -> Result<Found> {
             rotation: value("rotation_1", frame),
             opening_mm: value("opening_mm", frame),
             sliding_mm: value("sliding_mm", frame),
+            other_end_mm: value("other_end_mm", frame).map(|of| of.value),
             crack_mm: value("crack_mm", frame),
             ..Instant::of_load(frame, load_n)
         }
