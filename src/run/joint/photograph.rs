@@ -1,5 +1,7 @@
 //! Images of a computed specimen, with its loads and the case of its reduction: `quadrille make specimen --images`.
 
+#![expect(clippy::indexing_slicing, reason = "the specimen is made here, and what is read of its solution is checked")]
+
 use crate::imaging::Image;
 use crate::io::images::write_image;
 use crate::io::joint::{read_table, write_table};
@@ -64,8 +66,9 @@ pub fn photograph(
     let mut fields = vec![vec![[0.0; 2]; nodes.len()]];
     for row in &solution {
         let (instant, node) = (row[0] as usize, row[1] as usize);
-        if node >= nodes.len() {
-            return Err(format!("{}: node {node} is not of this specimen", computed.display()).into());
+        if node >= nodes.len() || instant > options.instants {
+            let what = format!("node {node} at instant {instant} is not of this specimen");
+            return Err(format!("{}: {what}", computed.display()).into());
         }
         if fields.len() <= instant {
             fields.resize(instant + 1, vec![[0.0; 2]; nodes.len()]);

@@ -35,9 +35,7 @@ pub fn read_joint_run(path: &Path, only: Option<&[String; 2]>) -> Result<JointRu
     let camera = header.camera().map_err(|error| refused(&error))?;
     let rectifier = Rectifier::new(camera, store.mesh()).map_err(|error| refused(&error))?;
     let measured = rectifier.mesh();
-    let first = measured.zones().get(..2);
-    let are_first = |only: &&[String; 2]| first.is_some_and(|first| only.iter().all(|name| first.contains(name)));
-    let n_zones = only.filter(are_first).map(|_| 2).or_else(|| zones_of_joint(&rectifier)).ok_or_else(|| {
+    let n_zones = zones_of_joint(&rectifier, only).ok_or_else(|| {
         refused(&"[camera] still: list the still zones after those of the joint, which they are no part of")
     })?;
     let n_nodes = (0..n_zones).map(|zone| measured.zone_nodes(zone).end).max().unwrap_or(0);
@@ -139,9 +137,13 @@ fn mean_noise(store: &Store, frames: &[usize]) -> Result<[Option<f64>; 2], Joint
     Ok([known.then(|| (squares[0] / n_known).sqrt()), known.then(|| (squares[1] / squares[0]).sqrt())])
 }
 
-/// How many zones are parts of the joint: those before the still ones, which are no parts of it. `None` where still ones
+/// How many zones are parts of the joint: the first two where `only` those are asked for, else those before the still ones, which are no parts of it. `None` where still ones
 /// lie between others: the numbers of the nodes would be others than in the run.
-fn zones_of_joint(rectifier: &Rectifier) -> Option<usize> {
+fn zones_of_joint(rectifier: &Rectifier, only: Option<&[String; 2]>) -> Option<usize> {
+    let first = rectifier.mesh().zones().get(..2);
+    if only.is_some_and(|only| first.is_some_and(|first| only.iter().all(|name| first.contains(name)))) {
+        return Some(2);
+    }
     let is_still = |zone: &String| rectifier.camera().shape().still.contains(zone);
     let zones = rectifier.mesh().zones();
     let n_zones = zones.iter().position(is_still).unwrap_or(zones.len());

@@ -44,13 +44,15 @@ impl Beside {
         let Some(adhesive) = self.adhesive else { return };
         let by = 0.5 * self.mm_per_px * (self.gap - adhesive);
         let off = |node: usize| {
-            let off = minus(field.mesh.nodes()[node], self.origin);
+            let off = minus(of_node(field.mesh.nodes(), node), self.origin);
             [dot(off, self.tangent), dot(off, self.normal)]
         };
         let slope = |zone: usize, direction: Point| -> Option<Value> {
             let near = |node: &usize| {
                 let [s, n] = off(*node).map(f64::abs);
-                field.measured[*node] && s <= PATCH[0] * self.arm && n <= 0.5 * self.gap + PATCH[1] * self.arm
+                field.measured.get(*node) == Some(&true)
+                    && s <= PATCH[0] * self.arm
+                    && n <= 0.5 * self.gap + PATCH[1] * self.arm
             };
             let nodes: Vec<usize> = field.mesh.zone_nodes(zone).filter(near).collect();
             let weights = slope_across(nodes.iter().map(|&node| off(node)))?;
@@ -78,12 +80,12 @@ impl Beside {
     ) -> Option<Arms> {
         // Along from the tip of the case, across from the mid-line.
         let place = |node: usize| {
-            let at = field.mesh.nodes()[node];
+            let at = of_node(field.mesh.nodes(), node);
             [dot(minus(at, self.tip), growth), dot(minus(at, self.origin), self.normal)]
         };
         let nearest = loads.filter(|at| *at < 0.0).fold(f64::NEG_INFINITY, f64::max) + FROM_LOAD * self.arm;
         let arm = |zone: usize, sign: f64| {
-            let nodes = || field.mesh.zone_nodes(zone).filter(|node| field.measured[*node]);
+            let nodes = || field.mesh.zone_nodes(zone).filter(|node| field.measured.get(*node) == Some(&true));
             let end = nodes().map(|node| place(node)[0]).fold(f64::INFINITY, f64::min);
             let along = [nearest.max(end), -FROM_TIP * self.arm];
             if along[1] - along[0] < SHORTEST * self.arm {
@@ -96,7 +98,10 @@ impl Beside {
             let mm = |v: Point| v.map(|c| self.mm_per_px * c);
             let places: Vec<Point> = chosen.iter().map(|&node| mm(place(node))).collect();
             let part = ArmPart { along: mm(along), across: mm(across), moduli };
-            let section = ArmSection::new(part, &places, |a, b| noise.correlation(chosen[a], chosen[b]))?;
+            let section = ArmSection::new(part, &places, |a, b| match (chosen.get(a), chosen.get(b)) {
+                (Some(a), Some(b)) => noise.correlation(*a, *b),
+                _ => 0.0,
+            })?;
             Some((chosen, section))
         };
         Some([arm(self.zones[0], 1.0)?, arm(self.zones[1], -1.0)?])
@@ -108,12 +113,17 @@ impl Beside {
         let of_arm = |(nodes, section): &(Vec<usize>, ArmSection)| {
             let mm = |of: Point| axes.map(|axis| self.mm_per_px * dot(of, axis));
             let size = |of: Point| axes.map(|axis| self.mm_per_px * (of[0] * axis[0]).hypot(of[1] * axis[1]));
-            let displacement: Vec<Point> = nodes.iter().map(|&node| mm(field.displacement[node])).collect();
-            let sigma: Vec<Point> = nodes.iter().map(|&node| size(field.sigma[node])).collect();
+            let displacement: Vec<Point> = nodes.iter().map(|&node| mm(of_node(&field.displacement, node))).collect();
+            let sigma: Vec<Point> = nodes.iter().map(|&node| size(of_node(&field.sigma, node))).collect();
             (1.0, section.j(&displacement, &sigma))
         };
         weighed_sum(arms.iter().map(of_arm))
     }
+}
+
+/// What a list by nodes has for one: they are as many as the nodes of their mesh.
+pub(super) fn of_node(list: &[Point], node: usize) -> Point {
+    list.get(node).copied().unwrap_or([f64::NAN; 2])
 }
 
 /// The sum of independent values with weights.

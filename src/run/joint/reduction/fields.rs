@@ -71,39 +71,8 @@ pub(super) struct Found {
 
 pub(super) fn of_run(case: &CaseFile, asked: &CaseReduction, specimen: &Specimen, run: &Path) -> Result<Found> {
     let opened = open(case, asked, specimen, run)?;
-    let Opened { store, camera, size, zones, is_bound, .. } = &opened;
-    let (points, header) = (opened.facing.points(), store.header());
-    let tip = match asked.tip {
-        Some([x, y]) => camera.camera().plane([x, y]).ok_or_else(|| wrong("tip lies where the camera folds"))?,
-        None => return Err(wrong("tip = [x, y] is missing: the initial tip in the reference image, px")),
-    };
-    let at_tip = places_at(points, tip, header.element_size_px)?;
-    let Some(point) = at_tip.first().and_then(|(k, _)| points.get(*k)) else {
-        return Err(wrong("an [[opening]] between the arms is needed"));
-    };
-    let beside = Beside {
-        tip,
-        origin: point.at,
-        normal: point.normal,
-        tangent: point.tangent(),
-        gap: point.gap,
-        adhesive: asked.adhesive_mm.map(|mm| mm / size.mm_per_px()),
-        arm: specimen.arm_mm.map_or(2.0 * PATCH_ELEMENTS * header.element_size_px, |arm| arm.value / size.mm_per_px()),
-        zones: *zones,
-        mm_per_px: size.mm_per_px(),
-    };
-    let (half_span, lever) = (specimen.half_span_mm.unwrap_or(1.0), specimen.lever_mm.unwrap_or(0.0));
-    let all = sections(specimen.layout, half_span, lever);
-    let reader = Asked {
-        gauges: &opened.gauges,
-        layout: specimen.layout,
-        crack: asked.crack_opening_mm.zip(specimen.crack_mm).map(|(least, initial)| [least, initial.value]),
-        sections: if asked.sections.is_empty() { Vec::new() } else { all },
-        at_tip,
-        points,
-        beside,
-        n_references: header.reference.len(),
-    };
+    let Opened { store, camera, is_bound, .. } = &opened;
+    let reader = reader(asked, specimen, &opened)?;
     let moduli = specimen.young_mpa.zip(specimen.shear_mpa).map(|(young, shear)| [young.value, shear]);
     let moduli = moduli.filter(|_| specimen.arm_mm.is_some());
     let has_field = |frame: usize| -> Result<bool> {
@@ -149,7 +118,7 @@ pub(super) fn of_run(case: &CaseFile, asked: &CaseReduction, specimen: &Specimen
     };
     let kept = read(largest, None)?.0;
     let all = frames.par_iter().map(|&frame| Ok(read(frame, Some(&kept))?.1)).collect::<Result<Vec<OfFrame>>>()?;
-    let mut found = Found { length_scale_std: header.pixel_size_std(), ..Found::default() };
+    let mut found = Found { length_scale_std: store.header().pixel_size_std(), ..Found::default() };
     let mut turns: Vec<(f64, Vec<Option<Value>>)> = Vec::new();
     for of_frame in all {
         found.instants.push(of_frame.instant);
@@ -158,7 +127,7 @@ pub(super) fn of_run(case: &CaseFile, asked: &CaseReduction, specimen: &Specimen
             if k == found.by_camera.len() {
                 found.by_camera.push((name, Vec::new()));
             }
-            found.by_camera[k].1.push(instant);
+            found.by_camera.get_mut(k).into_iter().for_each(|(_, list)| list.push(instant));
         }
     }
     // Sections move with the load: where they do not, the upper arm is the lower one, or the test lies upside down.
@@ -181,10 +150,48 @@ pub(super) fn of_run(case: &CaseFile, asked: &CaseReduction, specimen: &Specimen
     Ok(found)
 }
 
+/// Where the sections, the tip and the places of the joint are in the plane of the specimen.
+fn reader<'a>(asked: &CaseReduction, specimen: &Specimen, opened: &'a Opened) -> Result<Asked<'a>> {
+    let Opened { store, camera, size, zones, .. } = opened;
+    let (points, header) = (opened.facing.points(), store.header());
+    let tip = match asked.tip {
+        Some([x, y]) => camera.camera().plane([x, y]).ok_or_else(|| wrong("tip lies where the camera folds"))?,
+        None => return Err(wrong("tip = [x, y] is missing: the initial tip in the reference image, px")),
+    };
+    let at_tip = places_at(points, tip, header.element_size_px)?;
+    let Some(point) = at_tip.first().and_then(|(k, _)| points.get(*k)) else {
+        return Err(wrong("an [[opening]] between the arms is needed"));
+    };
+    let beside = Beside {
+        tip,
+        origin: point.at,
+        normal: point.normal,
+        tangent: point.tangent(),
+        gap: point.gap,
+        adhesive: asked.adhesive_mm.map(|mm| mm / size.mm_per_px()),
+        arm: specimen.arm_mm.map_or(2.0 * PATCH_ELEMENTS * header.element_size_px, |arm| arm.value / size.mm_per_px()),
+        zones: *zones,
+        mm_per_px: size.mm_per_px(),
+    };
+    let (half_span, lever) = (specimen.half_span_mm.unwrap_or(1.0), specimen.lever_mm.unwrap_or(0.0));
+    let all = sections(specimen.layout, half_span, lever);
+    Ok(Asked {
+        gauges: &opened.gauges,
+        layout: specimen.layout,
+        crack: asked.crack_opening_mm.zip(specimen.crack_mm).map(|(least, initial)| [least, initial.value]),
+        sections: if asked.sections.is_empty() { Vec::new() } else { all },
+        at_tip,
+        points,
+        beside,
+        n_references: header.reference.len(),
+    })
+}
+
 /// Sections that no frame has measured.
 fn unseen(names: &[String], turns: &[(f64, Vec<Option<Value>>)]) -> Option<Remark> {
     let is_seen = |k: usize| turns.iter().any(|(_, list)| list.get(k).is_some_and(Option::is_some));
-    let lost: Vec<&str> = (0..names.len()).filter(|&k| !is_seen(k)).map(|k| names[k].as_str()).collect();
+    let lost: Vec<&str> =
+        names.iter().enumerate().filter(|(k, _)| !is_seen(*k)).map(|(_, name)| name.as_str()).collect();
     let text = format!(
         "no frame has measured the section {}: is it over a zone that is in view? J by loads and rotations and the displacement \
          of the load need it",

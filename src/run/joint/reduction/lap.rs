@@ -1,5 +1,6 @@
 //! A lap joint: the shear traction along it from the strain of its upper adherend (THEORY 23).
 
+use super::arms::of_node;
 use super::loads::wrong;
 use super::opened::{Opened, open};
 use crate::field::{FacingPoint, Measurement, NodalNoise, Reading, Value};
@@ -50,15 +51,14 @@ pub(super) fn record(
         let plane = camera.rectify(&found.measurement);
         let of_field = NodalNoise::along(noise.take(), &*plane, opened.is_bound, Some(camera.raw_mesh()));
         let noise = noise.insert(of_field);
-        let places: Vec<Point> = points.iter().map(|point| point.at).collect();
         let lap = Lap::of(&plane, *zones, first, mm);
-        let adherends =
-            [(0, 1.0), (1, -1.0)].map(|(k, side)| lap.adherend(&plane, noise, (zones[k], side), thickness.value));
+        let [upper, lower] = *zones;
+        let adherends = [(upper, 1.0), (lower, -1.0)].map(|of| lap.adherend(&plane, noise, of, thickness.value));
         let Some(curve) = shear_along(&adherends, lap.length, stiffness) else { continue };
         let sliding = |at: &f64| {
-            let off = |k: &usize| (lap.along(places[*k]) - at).abs();
-            let nearest = (0..points.len()).min_by(|a, b| off(a).total_cmp(&off(b)))?;
-            Some(mm * points[nearest].jump(tangent).read(&plane, noise)?.value)
+            let off = |point: &FacingPoint| (lap.along(point.at) - at).abs();
+            let nearest = points.iter().min_by(|a, b| off(a).total_cmp(&off(b)))?;
+            Some(mm * nearest.jump(tangent).read(&plane, noise)?.value)
         };
         let area = lap.length * specimen.width_mm.value;
         let force = Value { value: area * curve.mean_mpa.value, sigma: area * curve.mean_mpa.sigma };
@@ -113,7 +113,7 @@ impl Lap {
         };
         let [upper, lower] = zones.map(|zone| lap.extent(field, zone));
         let (from, to) = (upper[0].max(lower[0]), upper[1].min(lower[1]));
-        let origin = [0, 1].map(|c| lap.origin[c] + from / mm * lap.tangent[c]);
+        let origin = minus(lap.origin, lap.tangent.map(|c| -from / mm * c));
         Self { origin, length: to - from, ..lap }
     }
 
@@ -124,7 +124,7 @@ impl Lap {
 
     /// Where a zone begins and ends along it.
     fn extent(&self, field: &Measurement<Px>, zone: usize) -> [f64; 2] {
-        let places = field.mesh.zone_nodes(zone).map(|node| self.along(field.mesh.nodes()[node]));
+        let places = field.mesh.zone_nodes(zone).map(|node| self.along(of_node(field.mesh.nodes(), node)));
         places.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], at| [least.min(at), most.max(at)])
     }
 
@@ -145,9 +145,12 @@ impl Lap {
             [true, false] => Some(1),
             _ => None,
         };
-        let along = |node: usize| self.along(field.mesh.nodes()[node]);
-        let across = |node: usize| side * self.mm * dot(minus(field.mesh.nodes()[node], self.origin), self.normal);
-        let within = |node: &usize| field.measured[*node] && (-1e-6..=self.length + 1e-6).contains(&along(*node));
+        let along = |node: usize| self.along(of_node(field.mesh.nodes(), node));
+        let across =
+            |node: usize| side * self.mm * dot(minus(of_node(field.mesh.nodes(), node), self.origin), self.normal);
+        let within = |node: &usize| {
+            field.measured.get(*node) == Some(&true) && (-1e-6..=self.length + 1e-6).contains(&along(*node))
+        };
         let mut nodes: Vec<usize> = field.mesh.zone_nodes(zone).filter(within).collect();
         nodes.sort_by(|a, b| along(*a).total_cmp(&along(*b)));
         let middle = 0.5 * (self.gap + thickness);
