@@ -3,10 +3,10 @@
 
     scripts/reduction.py [--quadrille PROGRAM] [--output FOLDER] [--seeds N] [--only KIND,...]
 
-Computes a double cantilever beam with each of the nine laws, and end-notched flexure, mixed-mode bending and peel with one, by
-`quadrille simulate`. Its nodes become what a camera would read, with noise of 0.03 and 0.3 px (1 px = 0.04 mm) at each of them: rotations
-and displacements of sections, the jump at the tip. The tables are reduced, N seeds each (20). `--images` also takes images of all beams
-(noise of 2 grey levels), correlates them and reduces their fields. Prints for each scene
+Computes a double cantilever beam, end-notched flexure, mixed-mode bending and peel with each of the nine laws, by `quadrille simulate`.
+Its nodes become what a camera would read, with noise of 0.03 and 0.3 px (1 px = 0.04 mm) at each of them: rotations and displacements of
+sections, the jump at the tip. The tables are reduced, N seeds each (20). `--images` also takes images of all beams (noise of 2 grey
+levels), correlates them and reduces their fields. Prints for each scene, and the means over the laws,
 
     J         J by loads and rotations over the work of the law at the tip, where that is more than a tenth: mean and scatter
     z         its error over what is stated (with the difference of both in the computed field, which is the mesh's)
@@ -15,9 +15,9 @@ and displacements of sections, the jump at the tip. The tables are reduced, N se
     peak      peak traction, error over standard uncertainty, rms, of the seeds that tell one
     s         time of a reduction with its figures and page, median
 
-Corners, and peaks that the tip passes within a few instants, fail `points` (docs/reduction.md). Exit status 1 when a limit fails: J within
-1 % of the work in the mean of all double cantilever beams, z 0.7 to 1.3, points 90 to 100 %, all in 85 % of the seeds. No package is
-needed."""
+Exit status 1 when a limit fails: J within 1 % of the work in the mean of all double cantilever beams (of the others the trapezia of the
+works are coarser than that), z 0.7 to 1.3 of each scene, and in the means over the laws points 93 % at least and all in 85 % of the seeds.
+No package is needed."""
 
 import argparse
 import csv
@@ -29,6 +29,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from concurrent.futures import ProcessPoolExecutor
 
 PX, WIDTH, FORCE_STD = 0.04, 25.0, 0.3
 BILINEAR = "K_MPa_per_mm = 2000.0\nT_n0_MPa = 12.0\nT_t0_MPa = 12.0\nG_Ic_N_per_mm = 0.5\nG_IIc_N_per_mm = 0.8\neta = 2.0\n"
@@ -50,8 +51,8 @@ KINDS = {
     "dcb": ("--length 48 --crack 18 --arm 3 --adhesive 0.2 --element 0.2 --rows 15 --opening 1.1 --instants 40", "upper_pin", 18.0, 3.0,
             [(1, 0, 1.5, 1, 1), (0, 0, 1.5, 1, -1)], ""),
     "enf": (BENT, "middle", 12.0, 2.0, [(0, 0, 2.5, 0.5, 1), (1, 18.5, 21.5, 1, -1), (0, 37.5, 40, 0.5, 1)], "half_span_mm = 20.0\n"),
-    "peel": ("--length 24 --crack 8 --arm 0.6 --lower-arm 2 --adhesive 0.2 --element 0.15 --rows 4 --opening 2.5 --instants 40", "grip", 8.0, 0.6,
-             [(1, 0, 0.9, 1, 1)], ""),
+    "peel": ("--length 24 --crack 8 --arm 0.6 --lower-arm 2 --adhesive 0.2 --element 0.15 --rows 4 --opening 2.5 --instants 40",
+             "grip", 8.0, 0.6, [(1, 0, 0.9, 1, 1)], ""),
     "mmb": (BENT + " --lever 14", "lever", 12.0, 2.0,
             [(1, 0, 2.5, 0.7, 1), (0, 0, 2.5, 0.15, 1), (1, 18.5, 21.5, 1.7, -1), (0, 37.5, 40, 0.85, 1)],
             "half_span_mm = 20.0\nlever_mm = 14.0\n"),
@@ -118,10 +119,11 @@ def table(path, made, sections, noise_px, seed):
     """Writes what a camera and a load cell would read; returns J without noise."""
     nodes, fields, forces, tips, ends = made
     draw, sigma, exact = random.Random(seed), noise_px * PX, []
+    read = {n for part in sections for n in part.nodes}
     lines = ["load_N,sigma_load_N,displacement_mm,sigma_displacement_mm,rotation_1,sigma_rotation_1,opening_mm,sigma_opening_mm,"
              "sliding_mm,sigma_sliding_mm,other_end_mm"]
     for k in sorted(tips):
-        noisy = {n: tuple(v + sigma * draw.gauss(0, 1) for v in u) for n, u in fields[k].items()}
+        noisy = {n: tuple(v + sigma * draw.gauss(0, 1) for v in u) for n, u in fields[k].items() if n in read}
         turn = shift = of_turn = of_shift = clean = 0.0
         for part in sections:
             a, sa, b, sb = part.read(noisy, sigma)
@@ -131,7 +133,8 @@ def table(path, made, sections, noise_px, seed):
         exact.append(forces[k] * clean)
         load, of_jump = WIDTH * forces[k] + FORCE_STD * draw.gauss(0, 1), sigma * math.sqrt(2)
         jump = [v + of_jump * draw.gauss(0, 1) for v in tips[k][:2]]
-        lines.append(f"{load},{FORCE_STD},{shift},{of_shift},{turn},{of_turn},{jump[0]},{of_jump},{jump[1]},{of_jump},{math.hypot(*ends[k][:2])}")
+        end = math.hypot(*ends[k][:2])
+        lines.append(f"{load},{FORCE_STD},{shift},{of_shift},{turn},{of_turn},{jump[0]},{of_jump},{jump[1]},{of_jump},{end}")
     path.write_text("\n".join(lines) + "\n")
     return exact
 
@@ -232,27 +235,34 @@ def main():
     parser.add_argument("--images", action="store_true")
     parser.add_argument("--output")
     args = parser.parse_args()
-    wanted = [(kind, law) for kind in args.only.split(",") for law in (LAWS if kind == "dcb" else ["extended-xu-needleman"])]
+    kinds = args.only.split(",")
+    wanted = [(args.quadrille, kind, law, noise, args.seeds) for kind in kinds for law in LAWS for noise in (0.03, 0.3)]
     lines = ["| scene | noise px | J / work | scatter | z of J | points % | all of " + str(args.seeds) + " | z of the peak | s |",
              "| --- | --- | --- | --- | --- | --- | --- | --- | --- |"]
-    failed, means = [], []
+    failed, results = [], []
     print(*lines, sep="\n", flush=True)
-    for kind, law in wanted:
-        for noise in (0.03, 0.3):
-            r = scene(args.quadrille, kind, law, noise, args.seeds)
-            lines.append(f"| {r['scene']} | {noise} | {r['J']:.4f} | {r['scatter']:.4f} | {r['z']:.2f} | {r['points']:.1f} | {r['all']} | "
-                         f"{r['peak']:.2f} | {r['s']:.2f} |")
-            print(lines[-1], flush=True)
-            if kind == "dcb" and noise == 0.03:
-                means.append(r["J"])
+
+    def show(r):
+        lines.append(f"| {r['scene']} | {r['noise']} | {r['J']:.4f} | {r['scatter']:.4f} | {r['z']:.2f} | {r['points']:.1f} | "
+                     f"{r['all']:.1f} | {r['peak']:.2f} | {r['s']:.2f} |")
+        print(lines[-1], flush=True)
+
+    with ProcessPoolExecutor() as pool:
+        for r in pool.map(scene, *zip(*wanted)):
+            show(r)
+            results.append(r)
             if not 0.7 <= r["z"] <= 1.3:
-                failed.append(f"{r['scene']} {noise}: z {r['z']:.2f}")
-            if r["points"] < 90:
-                failed.append(f"{r['scene']} {noise}: points {r['points']:.1f} %")
-            if r["all"] < 0.85 * args.seeds:
-                failed.append(f"{r['scene']} {noise}: all {r['all']}")
-    if means and abs(sum(means) / len(means) - 1) > 0.01:
-        failed.append(f"J / work in the mean {sum(means) / len(means):.4f}")
+                failed.append(f"{r['scene']} {r['noise']}: z {r['z']:.2f}")
+    for kind in kinds:
+        for noise in (0.03, 0.3):
+            of = [r for r in results if r["scene"].startswith(kind) and r["noise"] == noise]
+            known = lambda key: [r[key] for r in of if not math.isnan(r[key])]
+            mean = {key: sum(known(key)) / max(len(known(key)), 1) for key in ("J", "scatter", "z", "points", "all", "peak", "s")}
+            show({"scene": f"{kind}, all laws", "noise": noise, **mean})
+            if kind == "dcb" and abs(mean["J"] - 1) > 0.01:
+                failed.append(f"{kind} {noise}: J / work {mean['J']:.4f}")
+            if mean["points"] < 93 or mean["all"] < 0.85 * args.seeds:
+                failed.append(f"{kind} {noise}: points {mean['points']:.1f} %, all {mean['all']:.1f}")
     if args.images:
         lines += ["", "| images, noise 2 | J / work | CBBM / work | CBT / work | J_field / work | z of J | z of J_field | peak (MPa) | s |",
                   "| --- | --- | --- | --- | --- | --- | --- | --- | --- |"]

@@ -8,7 +8,7 @@ use super::{Axis, Picture, Plot, PlotSeries, ReportError, Style, to_strings, ver
 use crate::field::Value;
 use crate::io::joint::write_table;
 use crate::mechanics::cohesive::CohesiveLaw;
-use crate::reduction::{DirectLaw, Instant, Layout, Mode, Reduction, Specimen, Traction, TractionCurve};
+use crate::reduction::{Instant, Layout, Mode, Reduction, Specimen, Traction};
 use crate::remark::Remark;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -38,7 +38,7 @@ pub struct ReductionRecord {
     /// What is to be looked at.
     pub remarks: Vec<Remark>,
     /// The traction over the separation: of a mixed test along both jumps, then of opening and sliding alone.
-    pub tractions: Vec<TractionRecord>,
+    pub tractions: Vec<Traction>,
     /// What standards ask of a test: the condition, what was found, and whether it holds.
     pub checks: Vec<(&'static str, String, bool)>,
     /// Why there is none.
@@ -63,69 +63,28 @@ pub struct ResultRecord {
     pub by_constant: Vec<(&'static str, f64)>,
 }
 
-/// The traction.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TractionRecord {
-    /// The method whose J it is the slope of.
-    pub of: &'static str,
-    /// The jump that it is drawn over: opening, sliding, or both together.
-    pub over: &'static str,
-    /// Opening and sliding at the separations, mm.
-    pub jumps_mm: Vec<[f64; 2]>,
-    /// Work up to the largest separation, and its standard uncertainty, N/mm.
-    #[serde(rename = "work_N_per_mm")]
-    pub work_n_per_mm: [f64; 2],
-    /// The curve; `noise_factor` is what the stated variances had to be multiplied by.
-    #[serde(flatten)]
-    pub curve: TractionCurve,
-    #[serde(skip)]
-    mode: Mode,
-    #[serde(skip)]
-    name: &'static str,
+/// Name of the table and of the figure of the traction at this place of the list.
+fn name_of(place: usize, mode: Mode) -> &'static str {
+    match mode {
+        _ if place == 0 => "traction",
+        Mode::Sliding => "traction-sliding",
+        _ => "traction-opening",
+    }
 }
 
-impl TractionRecord {
-    fn new((k, traction): (usize, &Traction)) -> Self {
-        let mode = traction.mode;
-        Self {
-            of: traction.method.name(),
-            over: mode.names()[0],
-            jumps_mm: traction.jumps_mm.clone(),
-            work_n_per_mm: [traction.curve.work_n_per_mm.value, traction.curve.work_n_per_mm.sigma],
-            curve: traction.curve.clone(),
-            mode,
-            name: match mode {
-                _ if k == 0 => "traction",
-                Mode::Sliding => "traction-sliding",
-                _ => "traction-opening",
-            },
-        }
-    }
-
-    /// Name of its table and its figure.
-    pub fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn plot(&self) -> Plot {
-        let Self { of, over, curve, mode, .. } = self;
-        let shown = curve.traction_mpa.iter().zip(&curve.visited).map(|(t, seen)| if *seen { *t } else { f64::NAN });
-        let series = PlotSeries::new(*of, Style::Line, curve.separation_mm.clone(), shown.collect());
-        let y = Axis::linear(format!("{} (MPa)", mode.names()[1]));
-        let label = format!("{over} at the initial tip (mm)");
-        Plot::new("Traction over separation", label, y, [series.with_band(curve.half_of_all_mpa.clone())])
-    }
+/// A traction as far as the test went, with the law that was fitted where there is one.
+fn traction_plot(Traction { method, mode, curve, .. }: &Traction, title: &str, fitted: Option<Vec<f64>>) -> Plot {
+    let shown = curve.traction_mpa.iter().zip(&curve.visited).map(|(t, seen)| if *seen { *t } else { f64::NAN });
+    let [over, traction] = mode.names();
+    let slope = PlotSeries::new(method.name(), Style::Line, curve.separation_mm.clone(), shown.collect());
+    let fitted = fitted.map(|fitted| PlotSeries::new("fitted law", Style::Line, curve.separation_mm.clone(), fitted));
+    let all: Vec<PlotSeries> = std::iter::once(slope.with_band(curve.half_of_all_mpa.clone())).chain(fitted).collect();
+    Plot::new(title, format!("{over} at the initial tip (mm)"), Axis::linear(format!("{traction} (MPa)")), all)
 }
 
 /// The plot of a traction beside the fitted law.
-pub(crate) fn direct_plot(direct: &DirectLaw, law: &dyn CohesiveLaw) -> Plot {
-    let DirectLaw { of, over, separation_mm, traction_mpa, visited, half_of_all_mpa, .. } = direct;
-    let shown = traction_mpa.iter().zip(visited).map(|(t, seen)| if *seen { *t } else { f64::NAN });
-    let slope = PlotSeries::new(format!("slope of {of}"), Style::Line, separation_mm.clone(), shown.collect());
-    let fitted = PlotSeries::new("fitted law", Style::Line, separation_mm.clone(), direct.of_law(law));
-    let label = format!("{over} at the initial tip (mm)");
-    let all = [slope.with_band(half_of_all_mpa.clone()), fitted];
-    Plot::new("The fitted law beside the slope of J", label, Axis::linear("traction (MPa)"), all)
+pub(crate) fn direct_plot(direct: &Traction, law: &dyn CohesiveLaw) -> Plot {
+    traction_plot(direct, "The fitted law beside the slope of J", Some(direct.of_law(law)))
 }
 
 impl ReductionRecord {
@@ -160,7 +119,7 @@ impl ReductionRecord {
             notes: noted.map(|result| (result.method.name().to_owned(), result.note.clone())).collect(),
             missing: found.missing.iter().map(|(method, lacks)| (method.name().to_owned(), lacks.clone())).collect(),
             remarks: found.remarks.clone(),
-            tractions: found.tractions.iter().enumerate().map(TractionRecord::new).collect(),
+            tractions: found.tractions.clone(),
             checks: found.checks.iter().map(|check| (check.what, check.found.clone(), check.holds)).collect(),
             no_traction: found.no_traction,
             specimen: *specimen,
@@ -199,12 +158,18 @@ impl ReductionRecord {
         write_table(out, &[version(), about], &columns, self.found.instants.iter().enumerate().map(row))
     }
 
-    /// Writes one of its tractions as a table.
+    /// Names of the tables of its tractions.
+    pub fn tables(&self) -> impl Iterator<Item = &'static str> + '_ {
+        self.tractions.iter().enumerate().map(|(place, traction)| name_of(place, traction.mode))
+    }
+
+    /// Writes the traction at this place of the list as a table.
     ///
     /// # Errors
     /// Those of `out`.
-    pub fn write_traction<W: Write>(&self, traction: &TractionRecord, out: W) -> io::Result<()> {
-        let TractionRecord { of, over, curve, .. } = traction;
+    pub fn write_traction<W: Write>(&self, place: usize, out: W) -> io::Result<()> {
+        let Some(Traction { method, mode, curve, .. }) = self.tractions.get(place) else { return Ok(()) };
+        let (of, over) = (method.name(), mode.names()[0]);
         let columns = to_strings(&["visited", "separation_mm", "traction_MPa", "std_MPa", "half_of_all_MPa"]);
         let row = |k: usize| {
             let values =
@@ -281,12 +246,13 @@ impl ReductionRecord {
                 ("path", plot, "Where it is straight, the traction along both is that of one mix of modes".to_owned())
             }));
         }
-        for traction in &self.tractions {
-            let caption = match traction.mode == mode {
-                true => "The slope of J; band: 95 %, at all places together, of a smooth law: corners are rounded",
-                false => "The slope of the share that beam theory gives this mode; band: 95 %, at all places together",
+        for (place, traction) in self.tractions.iter().enumerate() {
+            let caption = match place {
+                0 => "The slope of J; band: 95 %, at all places together, of a smooth law: corners are rounded",
+                _ => "The slope of the share that beam theory gives this mode; band: 95 %, at all places together",
             };
-            plots.push((traction.name, traction.plot(), caption.to_owned()));
+            let plot = traction_plot(traction, "Traction over separation", None);
+            plots.push((name_of(place, traction.mode), plot, caption.to_owned()));
         }
         plots
     }
@@ -342,9 +308,9 @@ impl ReductionRecord {
         let rows = self.results.iter().map(|result| vec![result.name.clone(), result.value.in_words()]);
         let results = Block::table(&["result", "value \u{b1} standard uncertainty"], rows);
         let mut figures = Vec::new();
-        if let (Some(direct), Some(law)) = (self.direct(), law) {
+        if let (Some(direct), Some(law)) = (self.tractions.first(), law) {
             let caption = "Band of the slope: 95 %, at all places together";
-            figures.push(Block::curves(&direct_plot(&direct, law), caption.to_owned())?);
+            figures.push(Block::curves(&direct_plot(direct, law), caption.to_owned())?);
         }
         for (_, plot, caption) in self.plots() {
             figures.push(Block::curves(&plot, caption)?);
@@ -354,23 +320,6 @@ impl ReductionRecord {
         blocks.extend(self.remarks.iter().map(Block::of_remark));
         blocks.extend([results, Block::Grid(figures)]);
         Ok(Section { title: "Directly from images and loads".into(), blocks })
-    }
-
-    /// Its traction as a fit compares it.
-    pub(crate) fn direct(&self) -> Option<DirectLaw> {
-        let TractionRecord { of, over, jumps_mm, work_n_per_mm, curve, .. } = self.tractions.first()?;
-        Some(DirectLaw {
-            of: (*of).to_owned(),
-            over: (*over).to_owned(),
-            jumps_mm: jumps_mm.clone(),
-            separation_mm: curve.separation_mm.clone(),
-            traction_mpa: curve.traction_mpa.clone(),
-            std_mpa: curve.std_mpa.clone(),
-            half_of_all_mpa: curve.half_of_all_mpa.clone(),
-            visited: curve.visited.clone(),
-            separation_std_mm: curve.separation_std_mm,
-            work_n_per_mm: *work_n_per_mm,
-        })
     }
 
     /// What the report of a standard asks of the specimen.
@@ -488,11 +437,8 @@ impl ReducedTest {
         }
     }
 
-    /// Its traction as a fit compares it; none of a lap, where each place has its own.
-    pub(crate) fn direct(&self) -> Option<DirectLaw> {
-        match self {
-            Self::Loads(record) => record.direct(),
-            Self::Lap(_) => None,
-        }
+    /// Whether it has a traction that a fit can be compared with; of a lap each place has its own.
+    pub(crate) fn has_traction(&self) -> bool {
+        matches!(self, Self::Loads(record) if !record.tractions.is_empty())
     }
 }

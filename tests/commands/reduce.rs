@@ -249,6 +249,9 @@ fn a_reduction_without_what_it_needs_says_what_is_missing() {
     changed("adhesive_mm = 0.2", "adhesive_mm = -0.2", &["adhesive_mm", "-0.2", "above zero"]);
     changed("layout = \"dcb\"", "layout = 'mmb'", &["half_span_mm and lever_mm"]);
     changed("layout = \"dcb\"", "layout = 'lap'", &["lap"]);
+    let table = case(&[("layout = \"dcb\"", "layout = 'lap'"), ("run = \"fields\"", "table = 'series.csv'")]);
+    desk.write("test/series.csv", "load_N,displacement_mm\n1,0.1\n2,0.2\n");
+    refused(&table, &["layout = \"lap\" needs the fields of a run"]);
     changed("E_MPa = 78554.6", "E_MPa = nan", &["E_MPa", "NaN"]);
     // Arms that change places: a beam that closes.
     let turned = "sections = [\"lower pin\", \"upper pin\"]";

@@ -23,7 +23,7 @@ pub(super) use tables::{law_rows, notes, rows_of};
 
 use super::ForceRecord;
 use crate::identify::{Band, Case, CurveBand, Fit, FitError, LoadCell, Profile, bands, curve_bands};
-use crate::reduction::DirectLaw;
+use crate::reduction::Traction;
 
 /// A case, its fit, and what was made of it.
 #[derive(Debug)]
@@ -45,7 +45,7 @@ pub struct FitReport<'a> {
 impl<'a> FitReport<'a> {
     /// Standard uncertainty of the law at a separation of a direct traction, MPa: that of the pure mode that it is nearer
     /// to, since laws have bands in pure modes.
-    pub(crate) fn std_along(&self, direct: &DirectLaw, separation: f64) -> f64 {
+    pub(crate) fn std_along(&self, direct: &Traction, separation: f64) -> f64 {
         let slides = direct.jumps_mm.last().is_some_and(|[opening, sliding]| sliding.abs() > opening.abs());
         let curve = &self.curves[usize::from(slides)];
         let size = |k: usize| curve.jumps[k].normal + curve.jumps[k].tangential;

@@ -109,7 +109,7 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
     let reduced = reduce_run(&case.correlation, file, &correlation, &output.join(REDUCED))?;
     if let Some(reduced) = &reduced {
         reduced.remarks().iter().for_each(|remark| watcher(Event::Remark(remark)));
-        let direct = reduced.direct().map(|_| REDUCED.to_owned());
+        let direct = reduced.has_traction().then(|| REDUCED.to_owned());
         case.joint.fit.iter_mut().for_each(|fit| fit.direct.clone_from(&direct));
     }
     let text = case.joint_case(&format!("{CORRELATION}/{STORE}"), case.has_fit());

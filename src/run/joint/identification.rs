@@ -3,7 +3,7 @@
 use crate::identify::{Case, CutShort, Ended, Fit, FitStatus, fit, profile};
 use crate::io::case::CaseFit;
 use crate::io::joint::JointInput;
-use crate::reduction::DirectLaw;
+use crate::reduction::Traction;
 use crate::report::fit::{FitRecord, FitReport};
 use crate::report::joint::JointReport;
 use crate::report::{Picture, direct_plot};
@@ -108,18 +108,18 @@ pub fn identify(
 /// The traction of the reduced test that `[fit] direct` names.
 #[derive(Deserialize)]
 struct Reduced {
-    tractions: Vec<DirectLaw>,
+    tractions: Vec<Traction>,
 }
 
 /// The direct traction that a fit names, of the folder of `quadrille reduce`.
 ///
 /// # Errors
 /// A folder that has none.
-pub(crate) fn direct_in(fit: Option<&CaseFit>, base: &Path) -> Result<Option<DirectLaw>> {
+pub(crate) fn direct_in(fit: Option<&CaseFit>, base: &Path) -> Result<Option<Traction>> {
     let Some(folder) = fit.and_then(|fit| fit.direct.as_ref()).map(|name| base.join(name)) else { return Ok(None) };
     let reduced: Reduced = read_json(&folder.join(REDUCTION))?;
     let none = || format!("[fit] direct: {} has no traction that a law can be compared with", folder.display());
-    let whole = reduced.tractions.into_iter().next().filter(DirectLaw::is_whole);
+    let whole = reduced.tractions.into_iter().next().filter(Traction::is_whole);
     Ok(Some(whole.ok_or_else(none)?))
 }
 

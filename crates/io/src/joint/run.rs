@@ -137,8 +137,9 @@ fn mean_noise(store: &Store, frames: &[usize]) -> Result<[Option<f64>; 2], Joint
     Ok([known.then(|| (squares[0] / n_known).sqrt()), known.then(|| (squares[1] / squares[0]).sqrt())])
 }
 
-/// How many zones are parts of the joint: the first two where `only` those are asked for, else those before the still ones, which are no parts of it. `None` where still ones
-/// lie between others: the numbers of the nodes would be others than in the run.
+/// How many zones are parts of the joint: the first two where `only` those are asked for, else those before the still
+/// ones, which are no parts of it. `None` where still ones lie between others: the numbers of the nodes would be others
+/// than in the run.
 fn zones_of_joint(rectifier: &Rectifier, only: Option<&[String; 2]>) -> Option<usize> {
     let first = rectifier.mesh().zones().get(..2);
     if only.is_some_and(|only| first.is_some_and(|first| only.iter().all(|name| first.contains(name)))) {

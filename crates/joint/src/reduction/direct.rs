@@ -1,9 +1,9 @@
 //! The traction of a reduced test beside a law (THEORY 23): as a start of its fit, and compared with the fitted one.
 
-use super::traction::PEAK_KNOWN;
+use super::Traction;
+use super::traction::{PEAK_KNOWN, TractionCurve};
 use crate::mechanics::cohesive::{CohesiveLaw, Jump};
 use crate::remark::{About, Code, Remark};
-use serde::Deserialize;
 
 /// Share of the places of a part of the curve that differ before the part does: bands of 95 % at all places together.
 const PLACES: f64 = 0.2;
@@ -12,47 +12,19 @@ const STEPS: usize = 40;
 const HOLD: f64 = 1e-3;
 const MOVE: f64 = 1e-4;
 
-/// A traction as `reduction.json` has it.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-pub struct DirectLaw {
-    /// The method whose J it is the slope of.
-    pub of: String,
-    /// The jump that it is drawn over.
-    pub over: String,
-    /// Separations, mm.
-    pub separation_mm: Vec<f64>,
-    /// Opening and sliding there, mm.
-    pub jumps_mm: Vec<[f64; 2]>,
-    /// Traction, MPa.
-    #[serde(rename = "traction_MPa")]
-    pub traction_mpa: Vec<f64>,
-    /// Its standard uncertainty, MPa.
-    #[serde(rename = "std_MPa")]
-    pub std_mpa: Vec<f64>,
-    /// Half of the 95 % band that holds at all places together, MPa.
-    #[serde(rename = "half_of_all_MPa")]
-    pub half_of_all_mpa: Vec<f64>,
-    /// Whether the test was there.
-    pub visited: Vec<bool>,
-    /// Standard uncertainty of a separation, mm.
-    pub separation_std_mm: f64,
-    /// Work up to the largest separation, and its standard uncertainty, N/mm.
-    #[serde(rename = "work_N_per_mm")]
-    pub work_n_per_mm: [f64; 2],
-}
-
-impl DirectLaw {
-    /// Whether all its lists have a value for each separation.
+impl Traction {
+    /// Whether all its lists have a finite value for each separation: of a file anything may be read.
     pub fn is_whole(&self) -> bool {
-        let n = self.separation_mm.len();
-        let lists = [&self.traction_mpa, &self.std_mpa, &self.half_of_all_mpa];
+        let TractionCurve { separation_mm, traction_mpa, std_mpa, half_of_all_mpa, visited, .. } = &self.curve;
+        let n = separation_mm.len();
+        let lists = [separation_mm, traction_mpa, std_mpa, half_of_all_mpa];
         let finite = lists.iter().all(|list| list.len() == n && list.iter().all(|v| v.is_finite()));
-        n > 0 && finite && self.jumps_mm.len() == n && self.visited.len() == n
+        n > 0 && finite && self.jumps_mm.len() == n && visited.len() == n
     }
 
     /// The places where the test was.
     fn places(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.separation_mm.len()).filter(|&k| self.visited[k])
+        (0..self.curve.separation_mm.len()).filter(|&k| self.curve.visited[k])
     }
 
     /// The traction of `law` along the jump at each separation, MPa.
@@ -64,7 +36,7 @@ impl DirectLaw {
                 false => 0.0,
             }
         };
-        self.separation_mm.iter().zip(&self.jumps_mm).map(at).collect()
+        self.curve.separation_mm.iter().zip(&self.jumps_mm).map(at).collect()
     }
 
     /// Coordinates of a law that follows the curve: from `start` by steps of Levenberg and Marquardt; what the curve
@@ -73,7 +45,8 @@ impl DirectLaw {
         let places: Vec<usize> = self.places().collect();
         let residual = |z: &[f64]| -> Option<Vec<f64>> {
             let of_law = self.of_law(&*law_at(z)?);
-            let off = |&k: &usize| (of_law[k] - self.traction_mpa[k]) / self.std_mpa[k].max(f64::MIN_POSITIVE);
+            let off =
+                |&k: &usize| (of_law[k] - self.curve.traction_mpa[k]) / self.curve.std_mpa[k].max(f64::MIN_POSITIVE);
             let held = z.iter().zip(start).map(|(z, start)| HOLD * (z - start));
             Some(places.iter().map(off).chain(held).collect())
         };
@@ -110,36 +83,40 @@ impl DirectLaw {
     /// `None` where they do not.
     pub fn differs(&self, law: &dyn CohesiveLaw, std: impl Fn(f64) -> f64) -> Option<Remark> {
         let of_law = self.of_law(law);
-        let peak = self.places().max_by(|&a, &b| self.traction_mpa[a].total_cmp(&self.traction_mpa[b]))?;
-        let at_peak = self.separation_mm[peak];
+        let peak = self.places().max_by(|&a, &b| self.curve.traction_mpa[a].total_cmp(&self.curve.traction_mpa[b]))?;
+        let at_peak = self.curve.separation_mm[peak];
         // Nearer to the origin than noise tells a peak the slope is smeared.
-        let seen = |k: &usize| self.separation_mm[*k] >= PEAK_KNOWN * self.separation_std_mm;
+        let seen = |k: &usize| self.curve.separation_mm[*k] >= PEAK_KNOWN * self.curve.separation_std_mm;
         let parts = [("before the peak", 0.0, 0.7), ("about the peak", 0.7, 1.5), ("in the tail", 1.5, f64::INFINITY)];
         let differing = parts.iter().filter_map(|(name, from, to)| {
-            let within = |k: &usize| (from * at_peak..to * at_peak).contains(&self.separation_mm[*k]);
+            let within = |k: &usize| (from * at_peak..to * at_peak).contains(&self.curve.separation_mm[*k]);
             let part: Vec<usize> = self.places().filter(seen).filter(within).collect();
-            let off = |k: usize| (self.traction_mpa[k] - of_law[k]).abs();
-            let band = |k: usize| self.half_of_all_mpa[k].hypot(1.96 * std(self.separation_mm[k]));
+            let off = |k: usize| (self.curve.traction_mpa[k] - of_law[k]).abs();
+            let band = |k: usize| self.curve.half_of_all_mpa[k].hypot(1.96 * std(self.curve.separation_mm[k]));
             let differ: Vec<usize> = part.iter().copied().filter(|&k| off(k) > band(k)).collect();
             let worst = differ.iter().copied().max_by(|&a, &b| (off(a) / band(a)).total_cmp(&(off(b) / band(b))))?;
             (differ.len() as f64 > PLACES * part.len() as f64).then(|| {
                 format!(
                     "{name} (at {:.4} mm {:.3} \u{b1} {:.2} MPa, by the law {:.3})",
-                    self.separation_mm[worst], self.traction_mpa[worst], self.half_of_all_mpa[worst], of_law[worst]
+                    self.curve.separation_mm[worst],
+                    self.curve.traction_mpa[worst],
+                    self.curve.half_of_all_mpa[worst],
+                    of_law[worst]
                 )
             })
         });
         // Of the law by trapezia; its uncertainty as if it were the same everywhere, which is the most.
         let integral = |of: &dyn Fn(usize) -> f64| -> f64 {
-            let step = |k: usize| 0.5 * (of(k) + of(k + 1)) * (self.separation_mm[k + 1] - self.separation_mm[k]);
-            (0..self.separation_mm.len() - 1).map(step).sum()
+            let step =
+                |k: usize| 0.5 * (of(k) + of(k + 1)) * (self.curve.separation_mm[k + 1] - self.curve.separation_mm[k]);
+            (0..self.curve.separation_mm.len() - 1).map(step).sum()
         };
-        let (work, of_law) = (self.work_n_per_mm, integral(&|k| of_law[k]));
-        let is_other = (work[0] - of_law).abs() > 1.96 * work[1].hypot(integral(&|k| std(self.separation_mm[k])));
+        let (work, of_law) = (self.curve.work_n_per_mm, integral(&|k| of_law[k]));
+        let is_other = (work[0] - of_law).abs() > 1.96 * work[1].hypot(integral(&|k| std(self.curve.separation_mm[k])));
         let of_work = is_other.then(|| {
             format!(
                 "in the work (up to {:.3} mm {:.4} \u{b1} {:.2} N/mm, by the law {of_law:.4})",
-                self.separation_mm.last().copied().unwrap_or(0.0),
+                self.curve.separation_mm.last().copied().unwrap_or(0.0),
                 work[0],
                 1.96 * work[1]
             )
@@ -148,8 +125,8 @@ impl DirectLaw {
         let text = format!(
             "the fitted law and the slope of {} over the {} differ by more than both 95 % bands {}; the fit takes one law along the \
              joint and the strips as stated, the slope takes a straight front and loads as named",
-            self.of,
-            self.over,
+            self.method.name(),
+            self.mode.names()[0],
             differing.join(", ")
         );
         (!differing.is_empty()).then(|| Remark::new(Code::DirectLawDiffers, About::Run, text))
@@ -165,23 +142,19 @@ mod tests {
         Box::new(ExtendedXuNeedleman::new(work, opening, 0.05, 4.0).unwrap())
     }
 
-    fn direct() -> DirectLaw {
+    /// As a fit reads it from `reduction.json`.
+    fn direct() -> Traction {
         let separation_mm: Vec<f64> = (1..60).map(|k| 0.002 * f64::from(k)).collect();
         let n = separation_mm.len();
-        let mut curve = DirectLaw {
-            of: "J".into(),
-            over: "opening".into(),
-            jumps_mm: separation_mm.iter().map(|at| [*at, 0.0]).collect(),
-            separation_mm,
-            traction_mpa: vec![0.0; n],
-            std_mpa: vec![0.1; n],
-            half_of_all_mpa: vec![0.3; n],
-            visited: vec![true; n],
-            separation_std_mm: 0.0,
-            work_n_per_mm: [0.5, 0.01],
-        };
-        curve.traction_mpa = curve.of_law(&*law(0.5, 0.02));
-        curve
+        let jumps: Vec<[f64; 2]> = separation_mm.iter().map(|at| [*at, 0.0]).collect();
+        let file = serde_json::json!({
+            "of": "J", "over": "opening", "jumps_mm": jumps, "separation_mm": separation_mm, "traction_MPa": vec![0.0; n],
+            "std_MPa": vec![0.1; n], "half_of_all_MPa": vec![0.3; n], "visited": vec![true; n], "separation_std_mm": 0.0,
+            "work_N_per_mm": [0.5, 0.01], "scale_share": 0.1, "noise_factor": 1.0, "log10_lambda": 0.0,
+        });
+        let mut traction: Traction = serde_json::from_value(file).unwrap();
+        traction.curve.traction_mpa = traction.of_law(&*law(0.5, 0.02));
+        traction
     }
 
     #[test]
@@ -201,15 +174,17 @@ mod tests {
         assert!(curve.differs(&*law(0.505, 0.02), |_| 0.0).is_none());
         assert!(curve.differs(&*law(0.55, 0.02), |_| 2.0).is_none());
         let mut tail = curve.clone();
-        tail.traction_mpa
+        tail.curve
+            .traction_mpa
             .iter_mut()
-            .zip(&curve.separation_mm)
+            .zip(&curve.curve.separation_mm)
             .for_each(|(t, at)| *t += if *at > 0.06 { 1.0 } else { 0.0 });
         let remark = tail.differs(&*law(0.5, 0.02), |_| 0.0).unwrap();
         assert!(remark.text.contains("in the tail") && !remark.text.contains("about the peak"), "{}", remark.text);
         assert_eq!(remark.code, Code::DirectLawDiffers);
         // Bands that hold any law, and a work that does not.
-        let vague = DirectLaw { half_of_all_mpa: vec![50.0; curve.visited.len()], ..curve };
+        let mut vague = curve;
+        vague.curve.half_of_all_mpa.fill(50.0);
         let remark = vague.differs(&*law(0.55, 0.02), |_| 0.0).unwrap();
         assert!(remark.text.contains("in the work") && !remark.text.contains("peak ("), "{}", remark.text);
     }

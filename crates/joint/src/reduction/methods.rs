@@ -4,21 +4,28 @@ use super::beams::{self, Moduli, Section};
 use super::compliance::{Definition, Line, StraightLine, fit_line};
 use super::specimen::{Instant, Layout, Specimen};
 use crate::field::Value;
+use serde::{Deserialize, Serialize};
 
 /// How an energy release rate is found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Method {
     /// J: loads times rotations (Paris and Paris 1988).
+    #[serde(rename = "J")]
     Rotation,
     /// Corrected beam theory, ISO 25217.
+    #[serde(rename = "CBT")]
     CorrectedBeam,
     /// Experimental compliance (Berry), ISO 25217.
+    #[serde(rename = "ECM")]
     ExperimentalCompliance,
     /// Compliance-based beam with an equivalent crack (de Moura et al. 2008, 2009).
+    #[serde(rename = "CBBM")]
     EquivalentCrack,
     /// Mixed-mode bending, ASTM D6671.
+    #[serde(rename = "D6671")]
     MixedModeBending,
     /// J of the measured field of both arms behind the tip, and of the loads and rotations ahead of it.
+    #[serde(rename = "J_field")]
     Field,
 }
 

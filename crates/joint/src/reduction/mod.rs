@@ -13,7 +13,6 @@ mod traction;
 mod validity;
 
 pub use compliance::{Definition, StraightLine};
-pub use direct::DirectLaw;
 pub use lap::{Adherend, LapCurve, shear_along};
 pub use methods::{Method, MethodResult};
 pub use section::{ArmPart, ArmSection};
@@ -25,6 +24,7 @@ use crate::field::Value;
 use crate::remark::Remark;
 use compliance::{begins, largest_load, straight_line};
 use methods::{Test, evaluate};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use traction::{COMMON, Sample, Smoothness, traction};
 
@@ -97,15 +97,18 @@ pub struct Reduction {
 }
 
 /// A traction: the slope of an energy release rate over a jump at the tip.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Traction {
     /// The method whose energy release rate it is the slope of.
+    #[serde(rename = "of")]
     pub method: Method,
     /// The jump that it is drawn over.
+    #[serde(rename = "over")]
     pub mode: Mode,
     /// Opening and sliding at the separations of the curve, mm.
     pub jumps_mm: Vec<[f64; 2]>,
     /// The curve.
+    #[serde(flatten)]
     pub curve: TractionCurve,
 }
 
@@ -137,7 +140,7 @@ impl Reduction {
                 ("peak traction", "MPa", peak),
                 ("separation at the peak", "mm", at),
                 ("initial stiffness", "MPa/mm", curve.stiffness_mpa_per_mm),
-                ("work", "N/mm", Some(curve.work_n_per_mm)),
+                ("work", "N/mm", Some(curve.work())),
             ];
             all.into_iter().filter_map(move |(name, unit, value)| Some((format!("{name}{of} ({unit})"), value?)))
         };

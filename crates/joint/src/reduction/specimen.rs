@@ -2,6 +2,7 @@
 
 use crate::field::Value;
 pub use crate::io::case::CaseLayout as Layout;
+use serde::{Deserialize, Serialize};
 
 /// A section at which a load acts: the share of the load cell's force, and whether it points along the normal of the
 /// joint (from the lower to the upper arm) or against it.
@@ -39,13 +40,16 @@ pub fn sections(layout: Layout, half_span: f64, lever: f64) -> Vec<LoadedSection
 }
 
 /// The jump at the tip that J is drawn over.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Mode {
     /// Opening: the derivative is `T_n`.
+    #[serde(rename = "opening")]
     Opening,
     /// Sliding: `T_t`.
+    #[serde(rename = "sliding")]
     Sliding,
     /// Both together, `sqrt(D_n^2 + D_t^2)`: where their ratio stays, the length of their path, and the traction along it.
+    #[serde(rename = "opening and sliding together")]
     Path,
 }
 

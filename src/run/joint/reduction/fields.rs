@@ -312,22 +312,27 @@ impl Asked<'_> {
         instant
     }
 
-    /// The jump at the other end of the joint, mm: the mean over the furthest places ahead, where it is more than noise.
+    /// The jump at the other end of the joint of a bending test, mm: the mean over the furthest places ahead, where it is
+    /// more than noise. `None` where the images end before the other support: what is last in view is not the end.
     fn other_end(&self, (field, noise): (&Measurement<Px>, &NodalNoise), drawn: &Drawn, growth: Point) -> Option<f64> {
         let ahead = |point: &FacingPoint| dot(minus(point.at, self.beside.tip), growth);
+        let support = self.turns(drawn, growth).into_iter().flatten().map(|(at, _)| at).fold(0.0, f64::max);
+        if Mode::of(self.layout) == Mode::Opening || support <= 0.0 {
+            return None;
+        }
         let mut places: Vec<(&FacingPoint, Jump)> =
             self.points.iter().zip(&drawn.jumps).filter_map(|(point, jump)| Some((point, (*jump)?))).collect();
         places.retain(|(point, _)| ahead(point) > 0.0);
         places.sort_by(|a, b| ahead(b.0).total_cmp(&ahead(a.0)));
         places.truncate(END_PLACES);
+        places.first().filter(|(point, _)| ahead(point) >= support)?;
         let n = places.len() as f64;
         let [opening, sliding] = [|jump: &Jump| jump.opening.value, |jump: &Jump| jump.sliding.value]
             .map(|of| places.iter().map(|(_, jump)| of(jump)).sum::<f64>() / n);
         let one = places.first()?.0.read(field, noise)?;
         let (value, sigma) = match Mode::of(self.layout) {
-            Mode::Opening => (opening, one.opening.sigma),
             Mode::Sliding => (sliding.abs(), one.sliding.sigma),
-            Mode::Path => (opening.hypot(sliding), one.opening.sigma.hypot(one.sliding.sigma)),
+            _ => (opening.hypot(sliding), one.opening.sigma.hypot(one.sliding.sigma)),
         };
         (value > END_SEEN * sigma / n.sqrt()).then_some(self.beside.mm_per_px * value)
     }

@@ -68,7 +68,9 @@ pub(crate) fn reduce_run(case: &CaseFile, path: &Path, fields: &Path, output: &P
 
 fn record(case: &CaseFile, asked: &CaseReduction, path: &Path, fields: Option<&Path>) -> Result<ReducedTest> {
     let specimen = specimen(asked)?;
-    if let (Layout::Lap, Some(run)) = (specimen.layout, fields) {
+    if specimen.layout == Layout::Lap {
+        let run =
+            fields.ok_or_else(|| wrong("layout = \"lap\" needs the fields of a run; a table does not tell strains"))?;
         return Ok(ReducedTest::Lap(lap::record(case, asked, path, &specimen, run)?));
     }
     let of_test = match (fields, &asked.table) {
@@ -88,8 +90,8 @@ fn write(record: &ReducedTest, output: &Path, overwrite: bool) -> Result<()> {
     match record {
         ReducedTest::Loads(record) => {
             folder.write("reduction.csv", |out| record.write_instants(out))?;
-            for traction in &record.tractions {
-                folder.write(&format!("{}.csv", traction.name()), |out| record.write_traction(traction, out))?;
+            for (place, name) in record.tables().enumerate() {
+                folder.write(&format!("{name}.csv"), |out| record.write_traction(place, out))?;
             }
         }
         ReducedTest::Lap(record) => folder.write("lap.csv", |out| record.write(out))?,

@@ -167,7 +167,7 @@ pub(super) fn shape_at<U: Length>(mesh: &Mesh<U>, [x, y]: [f64; 2]) -> Option<[(
 pub(super) fn gradient_weights<U: Length>(
     mesh: &Mesh<U>,
     noise: &NodalNoise,
-    weights: &[(usize, f64); 4],
+    weights: &[(usize, f64)],
 ) -> Option<Vec<(usize, [f64; 2])>> {
     let mut sum = Vec::new();
     for &(node, weight) in weights.iter().filter(|(_, weight)| *weight != 0.0) {

@@ -3,7 +3,6 @@
 use super::NodalNoise;
 use crate::field::Measurement;
 use crate::units::Length;
-use std::collections::BTreeMap;
 
 /// A number with its standard uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,12 +23,16 @@ pub struct Reading {
 impl Reading {
     /// The reading with these nodes and weights; those of one node are added, nodes without weight left out.
     pub fn new(weights: impl IntoIterator<Item = (usize, [f64; 2])>) -> Self {
-        let mut sums: BTreeMap<usize, [f64; 2]> = BTreeMap::new();
-        for (node, w) in weights {
-            let sum = sums.entry(node).or_default();
-            *sum = [sum[0] + w[0], sum[1] + w[1]];
-        }
-        Self { weights: sums.into_iter().filter(|(_, w)| *w != [0.0; 2]).collect() }
+        let mut weights: Vec<(usize, [f64; 2])> = weights.into_iter().collect();
+        // In the order in which those of a node came: sums are the same bits.
+        weights.sort_by_key(|(node, _)| *node);
+        weights.dedup_by(|(next, w), (node, sum)| {
+            let is_same = next == node;
+            (0..2).filter(|_| is_same).for_each(|c| sum[c] += w[c]);
+            is_same
+        });
+        weights.retain(|(_, w)| *w != [0.0; 2]);
+        Self { weights }
     }
 
     /// The nodes with their weights.

@@ -6,6 +6,7 @@ use crate::field::{Measurement, StrainDefinition};
 use crate::mesh::Mesh;
 use crate::plane::Point;
 use crate::units::Length;
+use std::collections::BTreeMap;
 
 /// Places along a side of an element at which the field is looked at.
 const SAMPLES: f64 = 4.0;
@@ -81,7 +82,7 @@ impl Region {
         let mesh = &field.mesh;
         let places = self.places(mesh);
         let n_nodes = mesh.n_nodes();
-        let (mut mean, mut slope) = (vec![0.0; n_nodes], vec![[0.0; 2]; n_nodes]);
+        let (mut mean, mut of_nodes) = (vec![0.0; n_nodes], BTreeMap::new());
         let (mut displacements, mut strains, mut has_strain) = (Vec::new(), Vec::new(), true);
         let (mut at, mut model) = ([0.0; 2], Some([0.0; 2]));
         for &place in &places {
@@ -98,17 +99,16 @@ impl Region {
             (0..2).for_each(|c| at[c] += place[c]);
             model =
                 model.zip(model_error_at(field, noise, place, &shape)).map(|(sum, m)| [sum[0] + m[0], sum[1] + m[1]]);
-            let by = gradient_weights(mesh, noise, &shape);
-            let local = by.and_then(|by| {
-                let mut gradient = [[0.0; 2]; 2];
-                for (node, d) in by {
-                    for c in 0..2 {
-                        slope[node][c] += d[c];
-                        (0..2).for_each(|k| gradient[c][k] += d[k] * field.displacement[node][c]);
-                    }
-                }
-                definition.of_gradient(gradient)
-            });
+            let mut gradient = Some([[0.0; 2]; 2]);
+            for &(node, weight) in shape.iter().filter(|(_, weight)| *weight != 0.0) {
+                let made = || NodeGradient::of(field, noise, node);
+                let of_node = of_nodes.entry(node).or_insert_with(made);
+                gradient = gradient.zip(of_node.as_mut()).map(|(sum, of_node)| {
+                    of_node.weight += weight;
+                    [0, 1].map(|c| [0, 1].map(|k| sum[c][k] + weight * of_node.gradient[c][k]))
+                });
+            }
+            let local = gradient.and_then(|gradient| definition.of_gradient(gradient));
             has_strain &= local.is_some();
             strains.extend(local.map(|strain| strain.components()));
         }
@@ -124,9 +124,12 @@ impl Region {
         let length = x.value.hypot(y.value);
         let along = if length > 0.0 { [x.value / length, y.value / length] } else { [1.0, 0.0] };
         let magnitude = Value { value: length, sigma: sum(along)?.sigma };
-        let by: Vec<(usize, Point)> =
-            slope.into_iter().enumerate().filter(|(_, d)| *d != [0.0; 2]).map(|(k, d)| (k, d.map(|d| d / n))).collect();
-        let whole = if has_strain { strain_of(field, noise, definition, &by) } else { None };
+        let by = of_nodes
+            .values()
+            .flatten()
+            .flat_map(|of_node| of_node.by.iter().map(|(node, d)| (*node, d.map(|d| of_node.weight * d / n))));
+        let by = Reading::new(by);
+        let whole = if has_strain { strain_of(field, noise, definition, by.weights()) } else { None };
         let over = |values: &mut dyn Iterator<Item = f64>| Spread::of(&values.collect::<Vec<f64>>());
         Some(RegionValues {
             at: at.map(|v| v / n),
@@ -171,6 +174,24 @@ impl Region {
         };
         let all = along(y0, y1).flat_map(|y| along(x0, x1).map(move |x| [x, y]));
         all.filter(|&at| is_inside(at)).collect()
+    }
+}
+
+/// The gradient at a node: as a sum over nodes, in the field, and how much of it a region holds.
+struct NodeGradient {
+    by: Vec<(usize, Point)>,
+    gradient: [Point; 2],
+    weight: f64,
+}
+
+impl NodeGradient {
+    fn of<U: Length>(field: &Measurement<U>, noise: &NodalNoise, node: usize) -> Option<Self> {
+        let by = gradient_weights(&field.mesh, noise, &[(node, 1.0)])?;
+        let mut gradient = [[0.0; 2]; 2];
+        for (node, d) in &by {
+            (0..2).for_each(|c| (0..2).for_each(|k| gradient[c][k] += d[k] * field.displacement[*node][c]));
+        }
+        Some(Self { by, gradient, weight: 0.0 })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::identify::{Constant, TrustRegionOptions, Unknowns};
 use crate::io::case::{Discretisation, Intervals, WeightKind};
-use crate::reduction::DirectLaw;
+use crate::reduction::Traction;
 use std::sync::Arc;
 
 /// How to fit.
@@ -15,7 +15,7 @@ pub struct FitOptions {
     /// Further starts beside that of the unknowns.
     pub starts: Vec<Vec<f64>>,
     /// The traction of the same test without a model: the law that follows it is one more start.
-    pub direct: Option<Arc<DirectLaw>>,
+    pub direct: Option<Arc<Traction>>,
     /// The iteration.
     pub region: TrustRegionOptions,
     /// Model constants; those that are not named are exact.
@@ -65,7 +65,7 @@ impl Default for FitOptions {
 impl FitOptions {
     /// All starts: that of the unknowns, the further ones, and the law that follows the direct traction.
     pub(crate) fn starts_of(&self, unknowns: &Unknowns) -> Vec<Vec<f64>> {
-        let along = |direct: &Arc<DirectLaw>| {
+        let along = |direct: &Arc<Traction>| {
             let start = unknowns.scaled(&unknowns.start());
             unknowns.unscaled(&direct.start(&start, |z| unknowns.law_at(&unknowns.unscaled(z)).ok()))
         };
