@@ -2,7 +2,7 @@
 
 use super::look::Look;
 use super::picture::LARGEST_RATIO;
-use crate::imaging::Image;
+use crate::imaging::{Image, Levels};
 use fast_image_resize::images::{TypedImage, TypedImageRef};
 use fast_image_resize::pixels::F32;
 use fast_image_resize::{FilterType, ResizeAlg, ResizeOptions, Resizer};
@@ -111,12 +111,11 @@ impl Backdrop {
 impl Drawn {
     fn new(image: &Image, width: u32, height: u32) -> Self {
         let (columns, rows) = (image.width() as u32, image.height() as u32);
-        let (darkest, brightest) = image.range();
-        let extent = if brightest > darkest { f64::from(brightest) - f64::from(darkest) } else { 1.0 };
-        let grey = |x: u32, y: u32| f64::from(image.grey(x as usize, y as usize));
-        let pixels = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
-        let source: Vec<F32> =
-            pixels.map(|(x, y)| F32::new(((grey(x, y) - f64::from(darkest)) / extent) as f32)).collect();
+        let source: Vec<F32> = match image.pixels() {
+            Levels::U8(grey) => grey.iter().map(|&v| F32::new(v.into())).collect(),
+            Levels::U16(grey) => grey.iter().map(|&v| F32::new(v.into())).collect(),
+            Levels::F32(grey) => grey.iter().map(|&v| F32::new(v)).collect(),
+        };
         // Few pixels are shown as the squares they are; many are averaged, or moire would appear.
         let by = if width >= 4 * columns { ResizeAlg::Nearest } else { ResizeAlg::Convolution(FilterType::Bilinear) };
         let values = resize(&source, [columns, rows], [width, height], by);

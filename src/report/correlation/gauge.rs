@@ -135,12 +135,12 @@ impl CorrelationReport<'_> {
         let n_nodes = last.field.mesh.n_nodes();
         let sizes = WINDOWS.into_iter().filter(|&window| window <= 5 || n_nodes <= LARGE);
         for window in sizes.filter_map(StrainWindow::new) {
-            // For the values alone: what their noise is inside is known.
             let windows = StrainWindows::new(&last.field.mesh, window, true);
             let strains = |frame: &DrawnFrame| -> Vec<TensorStrain> {
-                let (doubtful, found) = (frame.field.doubtful(), windows.of(&frame.field, last.strain.definition));
-                let sure = found.nodes.into_iter().zip(doubtful).filter(|(_, doubtful)| !doubtful);
-                sure.filter_map(|(at, _)| at.map(|(strain, _)| strain)).collect()
+                // The values alone: what their noise is inside is known.
+                let found = windows.values(&frame.field, last.strain.definition);
+                let sure = found.into_iter().zip(frame.field.doubtful()).filter(|(_, doubtful)| !doubtful);
+                sure.filter_map(|(at, _)| at).collect()
             };
             let of_last = strains(last);
             if of_last.is_empty() {

@@ -127,6 +127,21 @@ struct Patch {
     ends: Vec<usize>,
 }
 
+/// Which elements have all their nodes measured.
+fn whole_elements<U: Length>(mesh: &Mesh<U>, measured: &[bool]) -> Vec<bool> {
+    mesh.elements().iter().map(|nodes| nodes.iter().all(|&node| measured[node as usize])).collect()
+}
+
+/// The displacement gradient that the weights of a plane make of the first of these nodes.
+fn gradient_of<U: Length>(field: &Measurement<U>, nodes: &[u32], weights: &[[f64; 2]]) -> [[f64; 2]; 2] {
+    let mut gradient = [[0.0; 2]; 2];
+    for (&node, w) in nodes.iter().zip(weights) {
+        let u = field.displacement[node as usize];
+        (0..2).for_each(|c| (0..2).for_each(|k| gradient[c][k] += w[k] * u[c]));
+    }
+    gradient
+}
+
 impl StrainWindows {
     /// Windows on `mesh`; `regularised` fields have noise whose correlation is not known.
     pub fn new<U: Length>(mesh: &Mesh<U>, window: StrainWindow, regularised: bool) -> Self {
@@ -195,6 +210,30 @@ impl StrainWindows {
         }
     }
 
+    /// The strains of `field` alone, as [`of`](Self::of) has them, without what is known of their errors: a fraction of the
+    /// work.
+    pub fn values<U: Length>(&self, field: &Measurement<U>, definition: StrainDefinition) -> Vec<Option<TensorStrain>> {
+        let (mesh, measured) = (&*field.mesh, &field.measured);
+        let mut marks = Marks::new(self.around.len(), mesh.n_elements());
+        let whole = whole_elements(mesh, measured);
+        let rings = [self.window.rings(); 2];
+        let mut at_node = |node: usize| {
+            let takes = |element: u32| whole[element as usize];
+            let patch = measured[node].then(|| self.patch(mesh, vec![node as u32], rings, &takes, &mut marks))?;
+            if patch.elements.is_empty() || patch.nodes.len() < self.least_nodes() {
+                return None;
+            }
+            let points: Vec<[f64; 2]> = patch.nodes.iter().map(|&node| mesh.nodes()[node as usize]).collect();
+            definition.of_gradient(gradient_of(field, &patch.nodes, &plane(&points)?))
+        };
+        (0..self.around.len()).map(&mut at_node).collect()
+    }
+
+    /// Nodes that a window needs at least: a quarter of a whole one.
+    fn least_nodes(&self) -> usize {
+        self.window.nodes().pow(2).div_ceil(4).max(4)
+    }
+
     fn strain<U: Length>(
         &self,
         field: &Measurement<U>,
@@ -204,19 +243,16 @@ impl StrainWindows {
     ) -> Option<(TensorStrain, [Slope; 3], [f64; 3])> {
         let points: Vec<[f64; 2]> = place.nodes.iter().map(|&node| field.mesh.nodes()[node as usize]).collect();
         let weights = plane(points.get(..place.window)?)?;
-        let mut gradient = [[0.0; 2]; 2];
+        let gradient = gradient_of(field, &place.nodes, &weights);
         // Variance of unit noise, by component of the displacement.
         let (mut density, mut total) = ([0.0; 2], 0.0);
         for (&node, w) in place.nodes.iter().zip(&weights) {
             let node = node as usize;
-            let (u, sigma) = (field.displacement[node], field.sigma[node]);
+            let sigma = field.sigma[node];
             let square = w[0] * w[0] + w[1] * w[1];
             total += square;
             for c in 0..2 {
                 density[c] += square * sigma[c] * sigma[c] / places[node].shape.noise.node;
-                for k in 0..2 {
-                    gradient[c][k] += w[k] * u[c];
-                }
             }
         }
         let strain = definition.of_gradient(gradient)?;
@@ -294,10 +330,9 @@ impl StrainWindows {
                 near.nodes.into_iter().map(|node| node as usize).collect()
             }
         };
-        let whole: Vec<bool> =
-            mesh.elements().iter().map(|nodes| nodes.iter().all(|&node| measured[node as usize])).collect();
+        let whole = whole_elements(mesh, measured);
         kept.places.resize(n, Place::default());
-        let least = (self.window.nodes().pow(2)).div_ceil(4).max(4);
+        let least = self.least_nodes();
         for node in stale {
             kept.places[node] = Place::default();
             if !measured[node] {

@@ -1,7 +1,7 @@
 //! What is the matter with the elements that are marked, by name (docs/correlation.md, section 2.8.1).
 
 use crate::field::{ElementMark, ModelError};
-use crate::imaging::Image;
+use crate::imaging::{Image, Levels};
 use crate::mesh::{Mesh, shape_functions};
 use crate::units::Px;
 
@@ -60,7 +60,7 @@ impl<'a> ImagePair<'a> {
             // Whole pixels of the reference, so that interpolation has no part in it.
             let x = at(&corners).map(f64::round);
             let u = at(&displacement);
-            let (Some(f), Some(still)) = (bilinear(self.reference, x), bilinear(self.deformed, x)) else { continue };
+            let (Some(f), Some(still)) = (whole(self.reference, x), whole(self.deformed, x)) else { continue };
             let moved = [x[0] + u[0], x[1] + u[1]];
             let (Some(g), Some(before)) = (bilinear(self.deformed, moved), bilinear(self.reference, moved)) else {
                 continue;
@@ -94,7 +94,12 @@ impl<'a> ImagePair<'a> {
     /// Whether something stays still all over the given elements while the specimen moves.
     pub fn something_is_still(&self, elements: impl Iterator<Item = usize>) -> bool {
         let (mut sums, mut n) = ([0.0; 3], 0usize);
-        for element in elements {
+        // Within an element nothing moves further than its corners.
+        let moves = |element: &usize| {
+            let corners = self.mesh.elements()[*element].map(|node| self.displacement[node as usize]);
+            corners.iter().any(|u| u[0].hypot(u[1]) >= MOVES_PX)
+        };
+        for element in elements.filter(moves) {
             let Sample { grey, moves_px, .. } = self.sample(element);
             if moves_px < MOVES_PX {
                 continue;
@@ -151,14 +156,29 @@ pub(crate) fn correlation(pairs: impl Iterator<Item = [f64; 2]>) -> f64 {
     if va > 0.0 && vb > 0.0 { c / (va * vb).sqrt() } else { 0.0 }
 }
 
+/// Grey level of a pixel; none outside.
+fn whole(image: &Image, [x, y]: [f64; 2]) -> Option<f64> {
+    let inside = x >= 0.0 && y >= 0.0 && x < image.width() as f64 && y < image.height() as f64;
+    inside.then(|| f64::from(image.grey(x as usize, y as usize)))
+}
+
 /// Grey level between pixels; none outside.
 pub(crate) fn bilinear(image: &Image, [x, y]: [f64; 2]) -> Option<f64> {
     let inside = x >= 0.0 && y >= 0.0 && x <= (image.width() - 1) as f64 && y <= (image.height() - 1) as f64;
     if !inside {
         return None;
     }
-    let ([i, j], [s, t]) = ([x.floor() as usize, y.floor() as usize], [x.fract(), y.fract()]);
+    let ([i, j], [s, t]) = ([x as usize, y as usize], [x - x.trunc(), y - y.trunc()]);
     let [k, l] = [(i + 1).min(image.width() - 1), (j + 1).min(image.height() - 1)];
-    let at = |x, y| f64::from(image.grey(x, y));
-    Some((1.0 - t) * ((1.0 - s) * at(i, j) + s * at(k, j)) + t * ((1.0 - s) * at(i, l) + s * at(k, l)))
+    let rows = [j * image.width(), l * image.width()];
+    // A row each of the two pixels to the sides.
+    fn mean<T: Copy + Into<f64>>(p: &[T], rows: [usize; 2], [i, k]: [usize; 2], [s, t]: [f64; 2]) -> f64 {
+        let [above, below] = rows.map(|row| (1.0 - s) * p[row + i].into() + s * p[row + k].into());
+        (1.0 - t) * above + t * below
+    }
+    Some(match image.pixels() {
+        Levels::U8(p) => mean(p, rows, [i, k], [s, t]),
+        Levels::U16(p) => mean(p, rows, [i, k], [s, t]),
+        Levels::F32(p) => mean(p, rows, [i, k], [s, t]),
+    })
 }
