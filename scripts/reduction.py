@@ -15,9 +15,9 @@ levels), correlates them and reduces their fields. Prints for each scene, and th
     peak      peak traction, error over standard uncertainty, rms, of the seeds that tell one
     s         time of a reduction with its figures and page, median
 
-Exit status 1 when a limit fails: J within 1 % of the work in the mean of all double cantilever beams (of the others the trapezia of the
-works are coarser than that), z 0.7 to 1.3 of each scene, and in the means over the laws points 93 % at least and all in 85 % of the seeds.
-No package is needed."""
+Exit status 1 when a limit fails: J within 1 % of the work in the mean of all laws (bending tests 2.5 %: their sections lie beside the
+supports), z 0.7 to 1.3 of each scene, points 90 % at least in the means over the laws and 93 to 98 % in that of all, all in 85 % of the seeds
+of all. No package is needed."""
 
 import argparse
 import csv
@@ -66,7 +66,7 @@ def rows(path):
 
 
 def compute(program, folder, kind, law):
-    """Nodes, fields, forces by mm and (opening, sliding, T_n, T_t) at the tip and at the other end of the joint, by instant."""
+    """Nodes, fields, forces by mm and (opening, sliding, T_n, T_t) at the tip and at both ends of the joint, by instant."""
     options, loaded, crack, *_ = KINDS[kind]
     subprocess.run([program, "make", "specimen", kind, *options.split(), "--output", folder / "it"], check=True, capture_output=True)
     case = folder / "it/case.toml"
@@ -77,7 +77,7 @@ def compute(program, folder, kind, law):
     if done.returncode == 2:
         sys.exit(f"{kind} {law}: {done.stderr}")
     nodes = json.loads((folder / "it/mesh.json").read_text())["nodes"]
-    fields, forces, tips, ends = {}, {}, {}, {}
+    fields, forces, tips, ends, mouths = {}, {}, {}, {}, {}
     for row in rows(folder / "out/solution.csv"):
         fields.setdefault(int(row["instant"]), {})[int(row["node"])] = (float(row["ux_mm"]), float(row["uy_mm"]))
     for row in rows(folder / "out/reactions.csv"):
@@ -85,11 +85,11 @@ def compute(program, folder, kind, law):
             forces[int(row["instant"])] = abs(float(row["Fy_N_per_mm"]))
     tractions = rows(folder / "out/tractions.csv")
     end = max(float(row["x_mm"]) for row in tractions)
-    for at, there in ((crack, tips), (end, ends)):
+    for at, there in ((crack, tips), (end, ends), (0.0, mouths)):
         for row in tractions:
             if abs(float(row["x_mm"]) - at) < 1e-6:
                 there[int(row["instant"])] = [float(row[key]) for key in ("Dn_mm", "Dt_mm", "Tn_MPa", "Tt_MPa")]
-    return nodes, fields, forces, tips, ends
+    return nodes, fields, forces, tips, ends, mouths
 
 
 class Section:
@@ -117,7 +117,7 @@ class Section:
 
 def table(path, made, sections, noise_px, seed):
     """Writes what a camera and a load cell would read; returns J without noise."""
-    nodes, fields, forces, tips, ends = made
+    nodes, fields, forces, tips, ends, _ = made
     draw, sigma, exact = random.Random(seed), noise_px * PX, []
     read = {n for part in sections for n in part.nodes}
     lines = ["load_N,sigma_load_N,displacement_mm,sigma_displacement_mm,rotation_1,sigma_rotation_1,opening_mm,sigma_opening_mm,"
@@ -139,11 +139,12 @@ def table(path, made, sections, noise_px, seed):
     return exact
 
 
-def works(tips, ends=None):
-    """Work of the law at the tip up to each instant, less that at the other end (of bending tests it slides, too), by trapezia: some
-    percent off where an instant passes much of the law."""
+def works(tips, ends=None, mouths=None):
+    """Work of the law at the tip up to each instant, by trapezia; less that at the other end, which slides in bending tests, too, and with
+    that at the mouth of the crack, whose faces are pressed together over the support of end-notched flexure."""
     if ends:
-        return [tip - end for tip, end in zip(works(tips), works(ends))]
+        parts = zip(works(tips), works(ends), works(mouths) if mouths else [0.0] * len(tips))
+        return [tip - end + mouth for tip, end, mouth in parts]
     total, before, out = 0.0, [0.0] * 4, []
     for k in sorted(tips):
         here = tips[k]
@@ -259,10 +260,15 @@ def main():
             known = lambda key: [r[key] for r in of if not math.isnan(r[key])]
             mean = {key: sum(known(key)) / max(len(known(key)), 1) for key in ("J", "scatter", "z", "points", "all", "peak", "s")}
             show({"scene": f"{kind}, all laws", "noise": noise, **mean})
-            if kind == "dcb" and abs(mean["J"] - 1) > 0.01:
+            if abs(mean["J"] - 1) > (0.025 if kind in ("enf", "mmb") else 0.01):
                 failed.append(f"{kind} {noise}: J / work {mean['J']:.4f}")
-            if mean["points"] < 93 or mean["all"] < 0.85 * args.seeds:
-                failed.append(f"{kind} {noise}: points {mean['points']:.1f} %, all {mean['all']:.1f}")
+            if mean["points"] < 90:
+                failed.append(f"{kind} {noise}: points {mean['points']:.1f} %")
+    points, together = (sum(r[key] for r in results) / len(results) for key in ("points", "all"))
+    lines.append(f"\nAll scenes: points {points:.1f} %, all {together:.1f} of {args.seeds}.")
+    print(lines[-1], flush=True)
+    if not 93 <= points <= 98 or together < 0.85 * args.seeds:
+        failed.append(f"all scenes: points {points:.1f} %, all {together:.1f}")
     if args.images:
         lines += ["", "| images, noise 2 | J / work | CBBM / work | CBT / work | J_field / work | z of J | z of J_field | peak (MPa) | s |",
                   "| --- | --- | --- | --- | --- | --- | --- | --- | --- |"]

@@ -324,7 +324,14 @@ impl ReductionRecord {
 
     /// What the report of a standard asks of the specimen.
     fn facts(&self) -> Vec<(String, String)> {
-        let Specimen { width_mm, arm_mm, crack_mm, half_span_mm, lever_mm, young_mpa, shear_mpa, .. } = self.specimen;
+        let Specimen { width_mm, arm_mm, crack_mm, end_block_mm, half_span_mm, lever_mm, young_mpa, shear_mpa, .. } =
+            self.specimen;
+        let [pin, half] = end_block_mm;
+        let blocks = format!(
+            "{} from pin to the middle of the arm, {} long, taken as exact",
+            significant(pin, 4),
+            significant(2.0 * half, 4)
+        );
         let stated = |value: Value| match value.sigma > 0.0 {
             true => format!("{} \u{b1} {}", significant(value.value, 6), significant(value.sigma, 2)),
             false => format!("{}, taken as exact", significant(value.value, 6)),
@@ -336,6 +343,7 @@ impl ReductionRecord {
             ("width (mm)", Some(stated(width_mm))),
             ("thickness of an arm (mm)", arm_mm.map(stated)),
             ("initial crack from the line of load (mm)", crack_mm.map(stated)),
+            ("end blocks (mm)", (end_block_mm != [0.0; 2]).then_some(blocks)),
             ("half span (mm)", half_span_mm.map(exact)),
             ("lever (mm)", lever_mm.map(exact)),
             ("Young's modulus (MPa)", young_mpa.map(stated)),

@@ -228,6 +228,36 @@ fn a_double_cantilever_beam_is_reduced_to_the_law_that_it_was_computed_with() {
 }
 
 #[test]
+fn a_crooked_crack_front_counts_where_the_crack_is_measured_and_end_blocks_in_beam_methods() {
+    let desk = &computed().desk;
+    let reduced = |name: &str, more: &str| {
+        desk.write(&format!("test/{name}.toml"), case(&[("width_mm = 25.0", &format!("width_mm = 25.0\n{more}"))]));
+        desk.run(&format!("reduce test/{name}.toml --output {name}")).fine();
+        desk.json(&format!("{name}/reduction.json"))
+    };
+    let (front, plain) = (reduced("front", "crack_front_mm_std = 0.5"), reduced("plain", ""));
+    let by_front = |name: &str| {
+        let found = front["results"].as_array().unwrap().iter().find(|result| result["name"] == name).unwrap();
+        let lines = found["by_constant"].as_array().unwrap();
+        lines.iter().find(|line| line[0] == "crack front").unwrap()[1].as_f64().unwrap()
+    };
+    // G = 3 P u/(2 b (a + Delta)): C^(1/3) over a is moved, Delta takes all of it; n of ln C over ln a does not.
+    assert_eq!(by_front("J growth (N/mm)"), 0.0);
+    let [value, std] = result(&front, "ECM growth (N/mm)");
+    let by = by_front("ECM growth (N/mm)");
+    assert!(by.abs() > 1e-4 * value && by.abs() < 0.5 / 18.0 * value, "{by} of {value}");
+    let [_, without] = result(&plain, "ECM growth (N/mm)");
+    assert!((std - without.hypot(by)).abs() < 1e-9 * std, "{std}, {without} without");
+    // Of a block 2 mm long in arms of 18 mm N is 1 - (1/18)^3 and less.
+    let blocks = reduced("blocks", "end_block_mm = [0.0, 1.0]");
+    let [value, _] = result(&plain, "CBT growth (N/mm)");
+    let [with, _] = result(&blocks, "CBT growth (N/mm)");
+    assert!((1e-5..0.01).contains(&(with / value - 1.0).abs()), "{with}, {value} without");
+    assert_eq!(result(&blocks, "J growth (N/mm)"), result(&plain, "J growth (N/mm)"));
+    assert!(desk.read("blocks/report.html").contains("end blocks (mm)"));
+}
+
+#[test]
 fn a_reduction_without_what_it_needs_says_what_is_missing() {
     let desk = &computed().desk;
     let refused = |case: &str, words: &[&str]| {
@@ -246,6 +276,7 @@ fn a_reduction_without_what_it_needs_says_what_is_missing() {
     changed("[load]\nfile = \"load.csv\"\n", "", &["no table [load]"]);
     changed("[[opening]]\nzones = [\"upper\", \"lower\"]\n", "", &["[[opening]] between the arms is needed"]);
     changed("width_mm = 25.0", "width_mm = -25.0", &["width_mm", "-25", "above zero"]);
+    changed("width_mm = 25.0", "width_mm = 25.0\nend_block_mm = [-1.0, 2.0]", &["end_block_mm", "-1"]);
     changed("adhesive_mm = 0.2", "adhesive_mm = -0.2", &["adhesive_mm", "-0.2", "above zero"]);
     changed("layout = \"dcb\"", "layout = 'mmb'", &["half_span_mm and lever_mm"]);
     changed("layout = \"dcb\"", "layout = 'lap'", &["lap"]);

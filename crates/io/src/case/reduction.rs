@@ -91,6 +91,11 @@ pub struct CaseReduction {
     pub crack_mm: Option<f64>,
     /// Its standard uncertainty, mm.
     pub crack_mm_std: Option<f64>,
+    /// Standard uncertainty of the length of the crack over the width, mm: its front is not straight, and the camera
+    /// sees one side.
+    pub crack_front_mm_std: Option<f64>,
+    /// End blocks of a double cantilever beam, mm: from the pin to the middle of the arm, and half of the length.
+    pub end_block_mm: Option<[f64; 2]>,
     /// Half the distance of the supports, mm.
     pub half_span_mm: Option<f64>,
     /// From the middle to the load on the lever of mixed-mode bending, mm.

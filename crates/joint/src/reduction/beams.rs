@@ -22,19 +22,31 @@ impl Moduli {
     }
 }
 
-/// What large displacements take off, of a beam with pins at the neutral axis.
-pub(super) fn large(displacement: f64, crack: f64) -> f64 {
-    1.0 - 0.3 * (displacement / crack).powi(2)
+/// An end block: from its pin to the middle of the arm, and half of its length, mm. Zeros: pins without blocks.
+pub(super) type Block = [f64; 2];
+
+/// F of ISO 25217: what large displacements take off.
+pub(super) fn large(displacement: f64, crack: f64, [pin, _]: Block) -> f64 {
+    1.0 - 0.3 * (displacement / crack).powi(2) - 1.5 * displacement * pin / crack.powi(2)
 }
 
-/// Corrected beam theory, mode I: `3 P delta / (2 b (a + Delta)) F`; a correction that shortens the crack is none.
-pub(super) fn corrected_beam(load: f64, displacement: f64, crack: f64, correction: f64, width: f64) -> f64 {
-    3.0 * load * displacement / (2.0 * width * (crack + correction.max(0.0))) * large(displacement, crack)
+/// N of ISO 25217: what is left of the compliance with end blocks.
+pub(super) fn stiffened(displacement: f64, crack: f64, [pin, half]: Block) -> f64 {
+    if [pin, half] == [0.0; 2] {
+        return 1.0;
+    }
+    let (turned, share) = (displacement / crack, half / crack);
+    1.0 - share.powi(3) - 1.125 * (1.0 - share.powi(2)) * turned * pin / crack - 9.0 / 35.0 * turned.powi(2)
 }
 
-/// Experimental compliance, `C ~ a^n`: `n P delta / (2 b a) F`.
-pub(super) fn experimental(load: f64, displacement: f64, crack: f64, power: f64, width: f64) -> f64 {
-    power * load * displacement / (2.0 * width * crack) * large(displacement, crack)
+/// Corrected beam theory, mode I: `3 P delta / (2 b (a + Delta)) F/N`; a correction that shortens the crack is none.
+pub(super) fn corrected_beam([load, u, crack, correction]: [f64; 4], width: f64, block: Block) -> f64 {
+    3.0 * load * u / (2.0 * width * (crack + correction.max(0.0))) * large(u, crack, block) / stiffened(u, crack, block)
+}
+
+/// Experimental compliance, `C/N ~ a^n`: `n P delta / (2 b a) F/N`.
+pub(super) fn experimental([load, u, crack, power]: [f64; 4], width: f64, block: Block) -> f64 {
+    power * load * u / (2.0 * width * crack) * large(u, crack, block) / stiffened(u, crack, block)
 }
 
 /// Double cantilever beam: compliance `8 a^3/(E b h^3) + 12 a/(5 b h G)`, mm/N.
@@ -154,8 +166,24 @@ mod tests {
         let displacement = load * dcb_compliance(crack, SECTION, moduli);
         let exact = dcb_release(load, crack, SECTION, moduli);
         let exact = exact * (1.0 - 0.3 * (displacement / crack).powi(2));
-        assert!((corrected_beam(load, displacement, crack, 0.0, 25.0) / exact - 1.0).abs() < 1e-12);
-        assert!((experimental(load, displacement, crack, 3.0, 25.0) / exact - 1.0).abs() < 1e-12);
+        let of = |last: f64| [load, displacement, crack, last];
+        assert!((corrected_beam(of(0.0), 25.0, [0.0; 2]) / exact - 1.0).abs() < 1e-12);
+        assert!((experimental(of(3.0), 25.0, [0.0; 2]) / exact - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn end_blocks_change_the_compliance_and_not_the_release_rate() {
+        // Rigid up to 12 mm, the pin in the middle of the arm, displacements that are small: C = 8 (a^3 - l^3)/(E b h^3).
+        let (load, crack, block) = (1e-3, 60.0, [0.0, 12.0]);
+        let moduli = Moduli { shear: None, ..STEEL };
+        let displacement = load * (dcb_compliance(crack, SECTION, moduli) - dcb_compliance(12.0, SECTION, moduli));
+        let exact = dcb_release(load, crack, SECTION, moduli);
+        let found = corrected_beam([load, displacement, crack, 0.0], 25.0, block);
+        assert!((found / exact - 1.0).abs() < 1e-9, "{found} for {exact}");
+        // ISO 25217, by hand: u = 6, a = 60, l_1 = 10, l_2 = 12.
+        assert!((large(6.0, 60.0, [10.0, 12.0]) - (1.0 - 0.003 - 0.025)).abs() < 1e-12);
+        let n = 1.0 - 0.008 - 1.125 * 0.96 * 60.0 / 3600.0 - 9.0 / 35.0 * 0.01;
+        assert!((stiffened(6.0, 60.0, [10.0, 12.0]) - n).abs() < 1e-12);
     }
 
     #[test]

@@ -190,7 +190,7 @@ pub(super) fn evaluate(method: Method, test: Test<'_>) -> Result<MethodResult, S
             let of = |(k, instant): (usize, &Instant)| {
                 let (crack, u) = (instant.crack_mm?.value, test.displacement(instant)?.value);
                 let used = grows[k] && k as f64 >= first && crack > 0.0 && u > 0.0 && instant.load_n.value > 0.0;
-                used.then_some((crack, u / instant.load_n.value))
+                used.then(|| (crack, u / instant.load_n.value / beams::stiffened(u, crack, specimen.end_block_mm)))
             };
             let points: Vec<(f64, f64)> = instants.iter().enumerate().filter_map(of).collect();
             let fit = |x: fn(f64) -> f64, y: fn(f64) -> f64| {
@@ -217,10 +217,8 @@ pub(super) fn evaluate(method: Method, test: Test<'_>) -> Result<MethodResult, S
             if !(fitted.value.is_finite() && fitted.sigma.is_finite()) || (!is_corrected && fitted.value <= 0.0) {
                 return Err("the compliance does not grow with the crack".into());
             }
-            let by = |[load, u, a, fitted]: [f64; 4]| {
-                let of = if is_corrected { beams::corrected_beam } else { beams::experimental };
-                Some(of(load, u, a, fitted, b))
-            };
+            let of = if is_corrected { beams::corrected_beam } else { beams::experimental };
+            let by = |inputs: [f64; 4]| Some(of(inputs, b, specimen.end_block_mm));
             for (release, instant) in result.release.iter_mut().zip(instants) {
                 let inputs =
                     test.displacement(instant).zip(instant.crack_mm).map(|(u, a)| [instant.load_n, u, a, fitted]);
@@ -313,7 +311,11 @@ fn equivalent_crack(test: Test<'_>, result: &mut MethodResult) -> Result<(), Str
     let enf = specimen.layout == Layout::Enf;
     let compliance = move |crack: f64, moduli: Moduli| match enf {
         true => beams::enf_compliance(crack, half, section, moduli),
-        false => beams::dcb_compliance(crack, section, moduli),
+        // Within a block an arm does not bend.
+        false => {
+            beams::dcb_compliance(crack, section, moduli)
+                - beams::dcb_compliance(specimen.end_block_mm[1], section, moduli)
+        }
     };
     // A beam whose arms turn at the tip is longer than the crack.
     let young = modulus(test, result, |young, crack| {

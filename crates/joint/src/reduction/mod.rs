@@ -177,7 +177,9 @@ pub fn reduce(
     };
     let up = |value: Value| Value { value: value.value + value.sigma, ..value };
     let relative = |value: Option<Value>| value.map_or(0.0, |value| (value.sigma / value.value).abs());
-    let Specimen { width_mm, arm_mm, crack_mm, young_mpa, load_scale_std, length_scale_std, .. } = *specimen;
+    let Specimen {
+        width_mm, arm_mm, crack_mm, crack_front_std_mm, young_mpa, load_scale_std, length_scale_std, ..
+    } = *specimen;
     line("width", relative(Some(width_mm)), &Specimen { width_mm: up(width_mm), ..*specimen }, instants);
     line("thickness of an arm", relative(arm_mm), &Specimen { arm_mm: arm_mm.map(up), ..*specimen }, instants);
     // Stresses of the measured field are as large as the modulus.
@@ -188,12 +190,15 @@ pub fn reduce(
     let of_young = Specimen { young_mpa: young_mpa.map(up), ..*specimen };
     line("Young's modulus", relative(young_mpa), &of_young, &instants.iter().map(stiffer).collect::<Vec<_>>());
     // What is measured of the crack begins at the initial tip.
-    let longer = |instant: &Instant| {
-        let by = crack_mm.map_or(0.0, |crack| crack.sigma);
-        Instant { crack_mm: instant.crack_mm.map(|crack| Value { value: crack.value + by, ..crack }), ..*instant }
+    let longer = |by: f64, least: f64| -> Vec<Instant> {
+        let of = |crack: Value| Value { value: crack.value + if crack.value >= least { by } else { 0.0 }, ..crack };
+        instants.iter().map(|instant| Instant { crack_mm: instant.crack_mm.map(of), ..*instant }).collect()
     };
     let of_crack = Specimen { crack_mm: crack_mm.map(up), ..*specimen };
-    line("initial crack", relative(crack_mm), &of_crack, &instants.iter().map(longer).collect::<Vec<_>>());
+    line("initial crack", relative(crack_mm), &of_crack, &longer(crack_mm.map_or(0.0, |crack| crack.sigma), 0.0));
+    // A crack that has not grown has the front that it was made with.
+    let grown = crack_mm.map_or(0.0, |crack| crack.value + crack_front_std_mm);
+    line("crack front", crack_front_std_mm, specimen, &longer(crack_front_std_mm, grown));
     let initial = crack_mm.map_or(0.0, |crack| crack.value);
     let scaled = |load: f64, lengths: f64| {
         instants.iter().map(|instant| instant.scaled(load, lengths, initial)).collect::<Vec<_>>()

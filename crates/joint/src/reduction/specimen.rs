@@ -93,6 +93,11 @@ pub struct Specimen {
     pub arm_mm: Option<Value>,
     /// From the line of the load (of bending: the support of the cracked end) to the initial tip, mm.
     pub crack_mm: Option<Value>,
+    /// Standard uncertainty of the length of the crack over the width, where its side is seen, mm.
+    pub crack_front_std_mm: f64,
+    /// End blocks of a double cantilever beam: from the pin to the middle of the arm, and half of the length, mm; zeros
+    /// without.
+    pub end_block_mm: [f64; 2],
     /// Half the distance of the supports, mm.
     pub half_span_mm: Option<f64>,
     /// From the middle to the load on the lever, mm.

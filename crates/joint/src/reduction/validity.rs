@@ -39,7 +39,9 @@ pub(super) fn checks(specimen: &Specimen, instants: &[Instant], methods: &[Metho
         });
     let corrected = methods.iter().find(|result| result.method == Method::CorrectedBeam);
     let factors = corrected.into_iter().flat_map(|result| {
-        let factor = |(k, instant): (usize, &Instant)| Some(large(instant.displacement_mm?.value, result.crack_mm[k]?));
+        let factor = |(k, instant): (usize, &Instant)| {
+            Some(large(instant.displacement_mm?.value, result.crack_mm[k]?, specimen.end_block_mm))
+        };
         instants.iter().enumerate().filter_map(factor)
     });
     let large = factors.reduce(f64::min).map(|least| Check {

@@ -140,11 +140,20 @@ fn specimen(asked: &CaseReduction) -> Result<Specimen> {
             "layout = \"mmb\" needs half_span_mm and lever_mm: they say what share of the load acts where",
         ));
     }
+    let end_block_mm = asked.end_block_mm.unwrap_or_default();
+    if let Some(wrong_mm) = end_block_mm.into_iter().find(|mm| !(mm.is_finite() && *mm >= 0.0)) {
+        return Err(wrong(&format!("end_block_mm holds {wrong_mm}; give lengths, zero or above")));
+    }
+    if asked.end_block_mm.is_some() && layout != Layout::Dcb {
+        return Err(wrong("end_block_mm is for layout = \"dcb\""));
+    }
     Ok(Specimen {
         layout,
         width_mm: width_mm.unwrap_or(Value { value: asked.width_mm, sigma: 0.0 }),
         arm_mm: given("arm_mm", asked.arm_mm, asked.arm_mm_std)?,
         crack_mm: given("crack_mm", asked.crack_mm, asked.crack_mm_std)?,
+        crack_front_std_mm: number("crack_front_mm_std", asked.crack_front_mm_std)?.unwrap_or(0.0),
+        end_block_mm,
         half_span_mm,
         lever_mm,
         young_mpa: given("E_MPa", asked.young_mpa, asked.young_mpa_std)?,
