@@ -86,6 +86,9 @@ pub struct LawRecord {
     pub opening_work: Option<SpreadRecord>,
     /// Work of separation in pure sliding, N/mm.
     pub sliding_work: Option<SpreadRecord>,
+    /// Work as far as the furthest pair went, N/mm.
+    #[serde(default)]
+    pub reached_work: Option<SpreadRecord>,
 }
 
 /// A parameter that was fitted.
@@ -123,6 +126,9 @@ pub struct AverageRecord {
     pub opening_work: SpreadRecord,
     /// Work of separation in pure sliding, N/mm.
     pub sliding_work: SpreadRecord,
+    /// Work as far as the furthest pair went, N/mm.
+    #[serde(default)]
+    pub reached_work: Option<SpreadRecord>,
 }
 
 impl From<&Spread> for SpreadRecord {
@@ -173,6 +179,7 @@ impl LawRecord {
             prescribed,
             opening_work: work(0),
             sliding_work: work(1),
+            reached_work: law.reached.as_ref().map(SpreadRecord::from),
         }
     }
 }
@@ -199,6 +206,7 @@ impl TournamentReport {
         let average = tournament.average.as_ref().map(|average| AverageRecord {
             opening_work: (&average.works[0]).into(),
             sliding_work: (&average.works[1]).into(),
+            reached_work: average.reached.as_ref().map(SpreadRecord::from),
         });
         let record = TournamentRecord {
             quadrille: env!("CARGO_PKG_VERSION").into(),
@@ -372,17 +380,23 @@ impl TournamentReport {
     }
 
     fn works(&self) -> Block {
-        let row = |name: &str, works: [Option<SpreadRecord>; 2]| {
-            let [opening, sliding] =
+        let row = |name: &str, works: [Option<SpreadRecord>; 3]| {
+            let [opening, sliding, reached] =
                 works.map(|work| work.map_or_else(|| "\u{2013}".to_owned(), |work| write_spread(&work)));
-            vec![name.to_owned(), opening, sliding]
+            vec![name.to_owned(), opening, sliding, reached]
         };
-        let mut rows: Vec<Vec<String>> =
-            self.record.laws.iter().map(|law| row(&law.law, [law.opening_work, law.sliding_work])).collect();
+        let mut rows: Vec<Vec<String>> = self
+            .record
+            .laws
+            .iter()
+            .map(|law| row(&law.law, [law.opening_work, law.sliding_work, law.reached_work]))
+            .collect();
         if let Some(average) = self.record.average {
-            rows.push(row("average", [Some(average.opening_work), Some(average.sliding_work)]));
+            rows.push(row("average", [Some(average.opening_work), Some(average.sliding_work), average.reached_work]));
         }
-        Block::table(&["law", "work in opening (N/mm)", "work in sliding (N/mm)"], rows)
+        let columns =
+            ["law", "work in opening (N/mm)", "work in sliding (N/mm)", "work as far as the furthest pair went (N/mm)"];
+        Block::table(&columns, rows)
     }
 
     fn parameters(&self) -> Block {

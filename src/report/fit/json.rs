@@ -43,6 +43,9 @@ pub struct FitRecord {
     pub prescribed: BTreeMap<Name, f64>,
     /// What follows from the parameters.
     pub derived: BTreeMap<Name, QuantityRecord>,
+    /// Opening and sliding, mm, of the pair on which the law has done the most work, which is `work_reached`.
+    #[serde(default)]
+    pub furthest_mm: Option<[f64; 2]>,
     /// What the intervals rest on; null without uncertainties.
     pub intervals: Option<IntervalsRecord>,
     /// Correlation of the parameters.
@@ -679,6 +682,7 @@ impl FitReport<'_> {
             discretisation: options.discretisation.name().into(),
             parameter_order: names.clone(),
             derived: quantities(fit),
+            furthest_mm: fit.furthest.map(|jump| [jump.normal, jump.tangential.abs()]),
             intervals: fit.intervals.as_ref().map(|basis| IntervalsRecord {
                 kind: basis.kind.name().into(),
                 doubts: basis.linearity.doubts.clone(),

@@ -47,8 +47,12 @@ impl IdentificationReport<'_> {
         if !fixed.is_empty() {
             blocks.push(Block::Text(format!("Prescribed: {}. Law: {}.", fixed.join(", "), self.law.name())));
         }
-        let derived: Vec<(String, String)> =
-            fit.derived.iter().map(|(name, entry)| (name.to_string(), quantity(entry))).collect();
+        let furthest = fit.furthest_mm.map(|mm| {
+            let [opening, sliding] = mm.map(|mm| significant(mm, 3));
+            ("work_reached is up to (mm)".to_owned(), format!("opening {opening}, sliding {sliding}"))
+        });
+        let derived = fit.derived.iter().map(|(name, entry)| (name.to_string(), quantity(entry)));
+        let derived: Vec<(String, String)> = derived.chain(furthest).collect();
         if !derived.is_empty() {
             blocks.push(Block::Heading("What follows from them".into()));
             blocks.push(Block::Facts(derived));

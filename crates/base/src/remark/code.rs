@@ -365,6 +365,10 @@ codes! {
             "The test hardly loaded the adhesive."
             "The joint did not reach a tenth of the jump at the largest traction. The rest of the law is extrapolated."
             "Load further, or believe the first slope only.";
+        LawExtrapolated "law-extrapolated" Note
+            "A good part of the law's work lies beyond what any pair of the joint reached."
+            "Works of separation then follow from the shape of the law, and their intervals suppose that it is true."
+            "Publish `work_reached`, the work as far as the test went; or load further.";
     }
     "The case of a fit" {
         KeyUnused "key-unused" Warning

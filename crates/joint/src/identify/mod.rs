@@ -29,6 +29,7 @@ pub use doubt::discretisation::Refinement;
 pub use doubt::left_out::LeftOut;
 pub use doubt::misfit::{Misfit, MisfitGroup};
 pub use doubt::missing_mode::{MissingMode, Mode, opening_share};
+pub(crate) use doubt::plausibility::extrapolated;
 pub use doubt::plausibility::{implausible_joint, implausible_result, implausible_simulation};
 pub use doubt::released::{Released, ReleasedParameter};
 pub use doubt::released_width::ReleasedWidth;
@@ -54,7 +55,8 @@ pub use objective::observation::{CameraChange, Observation, ObservedInstant, lar
 pub use objective::problem::{Evaluation, Problem};
 pub use objective::unknowns::{Asked, Scale, Unknown, Unknowns, WIDE};
 pub use objective::weights::{InverseCovariance, Weights};
-pub use result::derived::{Derived, derived};
+pub use result::derived::{Derived, WORK_REACHED, derived, work_along};
+pub(crate) use result::derived::{furthest, share_beyond};
 pub use result::fitted::{FittedParameter, FittedQuantity, StartEnd};
 pub use solve::cone_step::{StepRegion, cone_step};
 pub use solve::fit::{CutShort, Fit, first_order, fit};

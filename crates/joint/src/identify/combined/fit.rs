@@ -12,7 +12,7 @@ use super::verdict::{OfTests, verdict};
 use crate::identify::solve::fit::{compare, correlation_of, describe, reasons_unfinished};
 use crate::identify::{
     CutShort, Evaluation, Fit, FitError, Grounds, LARGEST_STD, Misfit, MissingMode, Refined, Released, Rotations,
-    Statistics, Verdict, implausible_result,
+    Statistics, Verdict, extrapolated, implausible_result,
 };
 use crate::io::case::Discretisation;
 
@@ -216,6 +216,12 @@ impl AtEnd<'_> {
         let singular_values = known.sum.singular_values()?;
         let law = unknowns.law_at(&known.evaluations[0].x)?;
         let verdict = verdict.with_rotations(rotations.as_ref(), &made.parameters);
+        let of_law = |k: usize| {
+            let mut remarks = implausible_result(tests[k].problem, &*law);
+            // One law for all tests: said once.
+            remarks.extend((k == 0).then(|| extrapolated(&*law, made.furthest)).flatten());
+            remarks
+        };
         let mut statistics = known.led.map(|led| led.statistics.into_iter());
         let mut list = Vec::with_capacity(tests.len());
         for (k, (evaluation, share)) in known.evaluations.into_iter().zip(shares).enumerate() {
@@ -224,6 +230,7 @@ impl AtEnd<'_> {
                 parameters: made.parameters.clone(),
                 values: law.values(),
                 derived: made.derived.clone(),
+                furthest: made.furthest,
                 covariance: made.covariance.clone(),
                 correlation: made.covariance.as_ref().map(|c| correlation_of(c, statistics.as_ref())),
                 singular_values: singular_values.clone(),
@@ -241,7 +248,7 @@ impl AtEnd<'_> {
                 statistics,
                 constants: made.effects[k].clone(),
                 budget: made.budget.clone(),
-                remarks: implausible_result(tests[k].problem, &*law),
+                remarks: of_law(k),
                 intervals: made.intervals.clone(),
                 refinement: made.refinement(refined[k].as_ref()),
                 rotations: rotations.clone(),

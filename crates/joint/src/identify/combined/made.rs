@@ -5,10 +5,11 @@ use super::search::{Searched, TestWeights};
 use super::sources::{CombinedConstant, Contribution, effects};
 use crate::identify::{
     Base, Budget, Constant, ConstantEffect, Fitted, FittedParameter, FittedQuantity, Ingredients, IntervalBasis,
-    NOISE_LEVEL, Refined, Refinement, Source, assess, doubts, settle,
+    NOISE_LEVEL, Refined, Refinement, Source, assess, doubts, furthest, settle, work_along,
 };
 use crate::io::case::{Discretisation, Intervals};
 use crate::linalg::Dense;
+use crate::mechanics::cohesive::Jump;
 
 /// Parameters with all that is known of them.
 pub(super) struct Made {
@@ -21,6 +22,8 @@ pub(super) struct Made {
     /// What they do, as each test sees it.
     pub effects: Vec<Vec<ConstantEffect>>,
     pub intervals: Option<IntervalBasis>,
+    /// How far the joints went.
+    pub furthest: Option<Jump>,
     by_size: Option<Vec<f64>>,
     size_included: bool,
 }
@@ -70,6 +73,11 @@ impl Made {
         let slopes = unknowns.slopes(x);
         let by_refinement: Option<Vec<f64>> =
             by_size.as_ref().map(|scaled| scaled.iter().zip(&slopes).map(|(z, slope)| z * slope).collect());
+        let of_tests = tests.iter().zip(&known.evaluations);
+        let furthest = unknowns.law_at(x).ok().and_then(|law| {
+            let jumps = of_tests.filter_map(|(test, evaluation)| furthest(test.problem, evaluation, &*law));
+            jumps.max_by(|a, b| work_along(&*law, *a).total_cmp(&work_along(&*law, *b)))
+        });
         let of_first = statistics.map(|statistics| &statistics[0]);
         let Fitted { budget, mut parameters, mut derived, covariance } = assess(
             first,
@@ -80,6 +88,7 @@ impl Made {
                 effects: &views[0],
                 by_refinement: by_refinement.as_deref(),
                 discretisation,
+                furthest,
             },
         );
         let intervals = of_first.map(|statistics| {
@@ -90,6 +99,7 @@ impl Made {
                 weights: &weights[0].weights,
                 boundary: &first.border.boundary,
                 follows_data: true,
+                furthest,
             };
             let mut basis = settle(&base, Intervals::Linear, Some(0), &budget, &mut parameters, &mut derived);
             let names: Vec<&str> = parameters.iter().map(|p| p.parameter.name).collect();
@@ -98,7 +108,18 @@ impl Made {
             basis
         });
         let size_included = discretisation == Discretisation::Included;
-        Self { parameters, derived, covariance, budget, constants, effects: views, intervals, by_size, size_included }
+        Self {
+            parameters,
+            derived,
+            covariance,
+            budget,
+            constants,
+            effects: views,
+            intervals,
+            furthest,
+            by_size,
+            size_included,
+        }
     }
 
     /// What elements half as large change, as a test sees it.

@@ -3,7 +3,7 @@
 //! Thresholds are wide: what they catch is a wrong unit, a wrong row of a table, a wrong scale. docs/identification.md
 //! lists them.
 
-use crate::identify::{FitError, Problem, wrong};
+use crate::identify::{FitError, Problem, WORK_REACHED, share_beyond, work_along, wrong};
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump, Traction};
 use crate::mechanics::substrate::SubstrateLaw;
@@ -36,6 +36,8 @@ const THICKEST: f64 = 20.0;
 /// Share of the jump at the largest traction that the joint must have reached: below it only the first slope of the law
 /// is loaded.
 const LOADED: f64 = 0.1;
+/// Share of the work of a law beyond the furthest jump that is worth a word.
+const BEYOND: f64 = 0.1;
 /// The same for values that a fit starts from.
 const LOADED_AT_START: f64 = 0.01;
 
@@ -155,6 +157,22 @@ pub fn implausible_result(problem: &Problem<'_>, law: &dyn CohesiveLaw) -> Vec<R
         }
     }
     found
+}
+
+/// A law of which a good part lies beyond the `furthest` jump of the joint.
+pub(crate) fn extrapolated(law: &dyn CohesiveLaw, furthest: Option<Jump>) -> Option<Remark> {
+    let jump = furthest?;
+    let share = share_beyond(law, jump);
+    let what = format!(
+        "no pair went beyond an opening of {:.3e} and a sliding of {:.3e} mm, where the work is {:.4} N/mm ({WORK_REACHED}); {:.0} % \
+         of the law's work lies beyond: works of separation are the law's own extrapolation",
+        jump.normal,
+        jump.tangential.abs(),
+        work_along(law, jump),
+        100.0 * share
+    );
+    let remark = || implausible(Code::LawExtrapolated, WORK_REACHED, share, "1", what);
+    (share > BEYOND).then(remark)
 }
 
 /// Tractions beside what the strips can carry, and works of separation.

@@ -52,7 +52,8 @@ impl Axes {
             return Ok(None);
         }
         let weights = weights_at_end(problem, statistics, options)?;
-        let base = Base { problem, evaluation, statistics, weights: &weights, boundary, follows_data: false };
+        let base =
+            Base { problem, evaluation, statistics, weights: &weights, boundary, follows_data: false, furthest: None };
         let Some(profile) = ProfileEnds::new(&base) else { return Ok(None) };
         let z = problem.unknowns.scaled(&evaluation.x);
         let straight = |k: usize| {

@@ -6,6 +6,7 @@ use crate::identify::solve::stage::run;
 use crate::identify::{Evaluation, FitStatus, Problem, Statistics, TrustRegionOptions, Weights, prescribed_of};
 use crate::linalg::Dense;
 use crate::mechanics::BoundaryHistory;
+use crate::mechanics::cohesive::Jump;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -45,6 +46,8 @@ pub(crate) struct Base<'a> {
     /// Whether the fit makes its weights (or the border) anew from the data: refits under the weights of the end then
     /// tell nothing of its bias, whose part through the border even changes its sign.
     pub follows_data: bool,
+    /// How far the joint went.
+    pub furthest: Option<Jump>,
 }
 
 /// One refit: the error of the scaled unknowns, and whether it ended on a bound.

@@ -5,6 +5,7 @@ use crate::identify::{
 };
 use crate::io::case::Discretisation;
 use crate::linalg::Dense;
+use crate::mechanics::cohesive::Jump;
 
 /// Name of the line of the measurement's noise.
 pub const NOISE: &str = "noise";
@@ -125,7 +126,7 @@ pub fn interval95(value: f64, noise: [Option<f64>; 2], bias: f64, others: f64) -
 }
 
 /// Derivatives of the derived quantities by each parameter of the law: `[parameter][quantity]`.
-fn slopes(problem: &Problem<'_>, x: &[f64]) -> Vec<Vec<f64>> {
+fn slopes(problem: &Problem<'_>, x: &[f64], furthest: Option<Jump>) -> Vec<Vec<f64>> {
     let Ok(law) = problem.unknowns.law_at(x) else { return Vec::new() };
     let values = law.values();
     let slopes_by = |k: usize| {
@@ -133,7 +134,7 @@ fn slopes(problem: &Problem<'_>, x: &[f64]) -> Vec<Vec<f64>> {
         let moved = |h: f64| {
             let mut values = values.clone();
             values[k] += h;
-            law.with_values(&values).map(|law| derived(&*law)).unwrap_or_default()
+            law.with_values(&values).map(|law| derived(&*law, furthest)).unwrap_or_default()
         };
         moved(h).iter().zip(moved(-h)).map(|(more, less)| (more.value - less.value) / (2.0 * h)).collect()
     };
@@ -154,15 +155,17 @@ pub(crate) struct Ingredients<'a> {
     pub by_refinement: Option<&'a [f64]>,
     /// What becomes of it.
     pub discretisation: Discretisation,
+    /// How far the joint went.
+    pub furthest: Option<Jump>,
 }
 
 /// The budget, the derived quantities, and the covariance of the parameters of noise and constants together.
 pub(crate) fn budget(problem: &Problem<'_>, of: &Ingredients<'_>) -> (Budget, Vec<Derived>, Option<Dense>) {
-    let Ingredients { x, statistics, constants, effects, by_refinement, discretisation } = *of;
-    let quantities = problem.unknowns.law_at(x).map(|law| derived(&*law)).unwrap_or_default();
+    let Ingredients { x, statistics, constants, effects, by_refinement, discretisation, furthest } = *of;
+    let quantities = problem.unknowns.law_at(x).map(|law| derived(&*law, furthest)).unwrap_or_default();
     let Some(statistics) = statistics else { return (Budget::default(), quantities, None) };
     let (n, list) = (x.len(), problem.unknowns.list());
-    let by_law = slopes(problem, x);
+    let by_law = slopes(problem, x, furthest);
     let slope = |parameter: usize, q: usize| by_law.get(parameter).and_then(|of| of.get(q)).copied().unwrap_or(0.0);
     let scale = problem.unknowns.slopes(x);
     let noise = Dense::from_fn(n, n, |r, c| scale[r] * statistics.covariance[(r, c)] * scale[c]);

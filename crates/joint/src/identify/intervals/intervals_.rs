@@ -219,7 +219,7 @@ impl Settled<'_> {
         }
         let value = |z: &[f64], q: usize| {
             let law = unknowns.law_at(&unknowns.unscaled(z)).ok()?;
-            derived(&*law).get(q).map(|quantity| quantity.value).filter(|value| *value > 0.0)
+            derived(&*law, self.base.furthest).get(q).map(|quantity| quantity.value).filter(|value| *value > 0.0)
         };
         for (k, q) in self.quantities.iter_mut().enumerate() {
             let here = q.quantity.value;
@@ -249,7 +249,7 @@ fn by_scaled(base: &Base<'_>) -> Vec<Vec<f64>> {
     let at = |k: usize, h: f64| {
         let mut z = z.clone();
         z[k] += h;
-        unknowns.law_at(&unknowns.unscaled(&z)).map(|law| derived(&*law)).unwrap_or_default()
+        unknowns.law_at(&unknowns.unscaled(&z)).map(|law| derived(&*law, base.furthest)).unwrap_or_default()
     };
     const H: f64 = 1e-5;
     let sides: Vec<_> = (0..z.len()).map(|k| (at(k, H), at(k, -H))).collect();

@@ -11,8 +11,8 @@ use crate::identify::intervals::bands::{curve_bands_up_to, reach_of};
 use crate::identify::solve::law_starts::start_law;
 use crate::identify::{
     Axes, Constant, ConstantKind, CurveBand, Fit, FitError, FitOptions, FitStatus, LeftOut, NORMAL_95, Part, Problem,
-    Spread, TrustRegionOptions, Unknowns, average, average_curve, fit, interval95, other_minima, share_of_interval,
-    within_noise, wrong,
+    Spread, TrustRegionOptions, Unknowns, WORK_REACHED, average, average_curve, fit, interval95, other_minima,
+    share_of_interval, within_noise, wrong,
 };
 use crate::io::case::{Intervals, WeightKind};
 use crate::mechanics::cohesive::{CohesiveLaw, LAW_NAMES, Parameter, parameters_by_name};
@@ -64,6 +64,8 @@ pub struct LawFit<'a> {
     pub curves: Option<[CurveBand; 2]>,
     /// Work of separation in pure opening and in pure sliding, N/mm; `None` without a fit.
     pub works: Option<[Spread; 2]>,
+    /// Work as far as the furthest pair went, N/mm; `None` without a fit.
+    pub reached: Option<Spread>,
     /// Other minima of its objective in scaled unknowns, and their values.
     minima: Vec<(Vec<f64>, f64)>,
     /// Whether the misfit test rejects it.
@@ -108,6 +110,8 @@ pub struct Average {
     pub curves: [CurveBand; 2],
     /// Work of separation in pure opening and in pure sliding, N/mm.
     pub works: [Spread; 2],
+    /// Work as far as the furthest pair went, N/mm.
+    pub reached: Option<Spread>,
 }
 
 impl LawFit<'_> {
@@ -126,6 +130,7 @@ impl LawFit<'_> {
         self.score = score(&self.problem, &fit, options);
         self.rejected = fit.misfit.as_ref().is_some_and(crate::identify::Misfit::rejected);
         self.works = Some(works_of(self.problem.unknowns.law().parameters(), &fit));
+        self.reached = quantity_of(&fit, WORK_REACHED);
         self.fit = Ok(fit);
     }
 
@@ -251,6 +256,7 @@ pub fn tournament<'a>(
                 left_out: None,
                 curves: None,
                 works: None,
+                reached: None,
                 minima: Vec::new(),
                 rejected: false,
                 weight: 0.0,
@@ -395,16 +401,17 @@ fn score(problem: &Problem<'_>, fit: &Fit, options: &FitOptions) -> Option<Score
     (score.aic.is_finite() && score.bic.is_finite()).then_some(score)
 }
 
+fn quantity_of(fit: &Fit, name: &str) -> Option<Spread> {
+    let found = fit.derived.iter().find(|d| d.quantity.name == name)?;
+    Some(Spread { value: found.quantity.value, std: found.std, ends95: found.ends95 })
+}
+
 /// The works of separation: a parameter, or what follows from the parameters.
 fn works_of(parameters: &[Parameter], fit: &Fit) -> [Spread; 2] {
     let [opening, sliding] = WORKS;
     let parameter = |names: &[&str]| {
         let p = fit.parameters.iter().find(|p| names.contains(&p.parameter.name))?;
         Some(Spread { value: p.value, std: p.std, ends95: p.ends95 })
-    };
-    let follows = || {
-        let d = fit.derived.iter().find(|d| d.quantity.name == "phi_t")?;
-        Some(Spread { value: d.quantity.value, std: d.std, ends95: d.ends95 })
     };
     // A work that the case prescribes is exact here: its uncertainty is among the constants.
     let law = |names: &[&str]| {
@@ -414,7 +421,7 @@ fn works_of(parameters: &[Parameter], fit: &Fit) -> [Spread; 2] {
     };
     [
         parameter(opening).unwrap_or_else(|| law(opening)),
-        parameter(sliding).or_else(follows).unwrap_or_else(|| law(sliding)),
+        parameter(sliding).or_else(|| quantity_of(fit, "phi_t")).unwrap_or_else(|| law(sliding)),
     ]
 }
 
@@ -461,7 +468,9 @@ fn average_of(laws: &[LawFit<'_>], best: Option<usize>) -> Option<Average> {
         (average_curve(&curves), average(&places.iter().filter_map(work).collect::<Vec<_>>()))
     };
     let ((opening, work_n), (sliding, work_t)) = (mode(0), mode(1));
-    Some(Average { curves: [opening, sliding], works: [work_n, work_t] })
+    let reached: Vec<_> = places.iter().filter_map(|&k| Some(part_of(&laws[k], best, laws[k].reached?))).collect();
+    let reached = (!reached.is_empty()).then(|| average(&reached));
+    Some(Average { curves: [opening, sliding], works: [work_n, work_t], reached })
 }
 
 impl Tournament<'_> {

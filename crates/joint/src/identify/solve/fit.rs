@@ -8,12 +8,12 @@ use crate::identify::{
     Axes, Base, Budget, COARSE, ConstantEffect, ConstantKind, End, Ended, Evaluation, FitError, FitOptions, FitStatus,
     Fitted, FittedParameter, FittedQuantity, Grounds, Ingredients, IntervalBasis, Iteration, LARGEST_STD, Local,
     Misfit, Problem, Refined, Refinement, Released, ReleasedWidth, Rotations, Stage, StartEnd, Statistics,
-    TrustRegionOptions, Unknown, Unknowns, Verdict, Weights, assess, full_weights, implausible_result, interval95,
-    other_minima, settle,
+    TrustRegionOptions, Unknown, Unknowns, Verdict, Weights, assess, extrapolated, full_weights, furthest,
+    implausible_result, interval95, other_minima, settle,
 };
 use crate::io::case::{Discretisation, Intervals, WeightKind};
 use crate::linalg::Dense;
-use crate::mechanics::cohesive::{CohesiveLaw, LawLimit};
+use crate::mechanics::cohesive::{CohesiveLaw, Jump, LawLimit};
 use crate::mechanics::{BoundaryHistory, Solution};
 use crate::remark::Remark;
 use rayon::prelude::*;
@@ -35,6 +35,8 @@ pub struct Fit {
     pub values: Vec<f64>,
     /// What follows from them.
     pub derived: Vec<FittedQuantity>,
+    /// How far the joint went: the jump, over pairs and instants, on which the law has done the most work.
+    pub furthest: Option<Jump>,
     /// Covariance of the parameters, noise and uncertain constants together.
     pub covariance: Option<Dense>,
     /// Their correlation.
@@ -240,6 +242,8 @@ struct Appraisal<'a> {
     end: &'a Minimum,
     /// What that left out.
     missing: Vec<&'static str>,
+    /// How far the joint went.
+    furthest: Option<Jump>,
 }
 
 /// Whether the data contradict the model, as far as that is tested.
@@ -291,7 +295,8 @@ impl Appraisal<'_> {
         watch.begins("intervals");
         let Minimum { evaluation, weights, boundary, follows_data, .. } = end;
         let statistics = end.statistics.as_ref()?;
-        let base = Base { problem, evaluation, statistics, weights, boundary, follows_data: *follows_data };
+        let follows_data = *follows_data;
+        let base = Base { problem, evaluation, statistics, weights, boundary, follows_data, furthest: self.furthest };
         let mut settle_as = |wanted| settle(&base, wanted, options.bootstrap, budget, parameters, derived);
         let basis = settle_as(if watch.ended().is_some() { Intervals::Linear } else { options.intervals });
         // What was computed in part says that fits fail, which is not what happened.
@@ -340,7 +345,9 @@ fn appraise(
     minima: Option<&[(Vec<f64>, f64)]>,
 ) -> Result<Fit, FitError> {
     let (unknowns, x, statistics) = (&problem.unknowns, &end.evaluation.x, end.statistics.as_ref());
-    let mut appraisal = Appraisal { problem, options, end: &end, missing: Vec::new() };
+    let law = unknowns.law_at(x)?;
+    let furthest = furthest(problem, &end.evaluation, &*law);
+    let mut appraisal = Appraisal { problem, options, end: &end, missing: Vec::new(), furthest };
     let slopes = unknowns.slopes(x);
     let constants = match statistics {
         Some(statistics) => problem.constant_effects(&end.evaluation, statistics, &options.constants),
@@ -365,6 +372,7 @@ fn appraise(
             effects: &constants,
             by_refinement: by_refinement.as_deref(),
             discretisation: options.discretisation,
+            furthest: appraisal.furthest,
         },
     );
     let correlation = covariance.as_ref().map(|covariance| correlation_of(covariance, statistics));
@@ -377,15 +385,17 @@ fn appraise(
         _ => None,
     };
     if let Some(axes) = &axes {
-        widen_to_minima(axes, unknowns, &budget, &mut parameters, &mut derived);
+        widen_to_minima(axes, (unknowns, furthest), &budget, &mut parameters, &mut derived);
     }
     let singular_values = end.local.singular_values()?;
     let doubts = appraisal.doubt(refined.as_ref().map(|refined| refined.change.as_slice()), &constants)?;
     let missing = appraisal.missing;
     let cut_short = problem.watch.ended().map(|ended| CutShort { ended, missing });
-    let law = unknowns.law_at(x)?;
+    let mut remarks = implausible_result(problem, &*law);
+    remarks.extend(extrapolated(&*law, furthest));
     let mut fit = Fit {
         derived,
+        furthest,
         parameters,
         values: law.values(),
         covariance,
@@ -404,7 +414,7 @@ fn appraise(
         verdict: Verdict::default(),
         constants,
         budget,
-        remarks: implausible_result(problem, &*law),
+        remarks,
         intervals,
         refinement,
         rotations,
@@ -462,7 +472,7 @@ fn judge(problem: &Problem<'_>, options: &FitOptions, of: &Fit, h: &Dense) -> Ve
 /// Widens the intervals to what the objective allows about every minimum, constants and bias as before.
 fn widen_to_minima(
     axes: &Axes,
-    unknowns: &Unknowns,
+    (unknowns, furthest): (&Unknowns, Option<Jump>),
     budget: &Budget,
     parameters: &mut [FittedParameter],
     derived: &mut [FittedQuantity],
@@ -479,7 +489,8 @@ fn widen_to_minima(
         p.set_ends(ends(p.value, p.bias, budget.parameter(k).others, p.ends95, allowed));
     }
     for (k, q) in derived.iter_mut().enumerate() {
-        let value = |law: &dyn CohesiveLaw| crate::identify::derived(law).get(k).map(|quantity| quantity.value);
+        let value =
+            |law: &dyn CohesiveLaw| crate::identify::derived(law, furthest).get(k).map(|quantity| quantity.value);
         let allowed = axes.allowed().iter().filter_map(|law| value(&**law)).collect();
         q.set_ends(ends(q.quantity.value, q.bias, budget.quantity(k).others, q.ends95, allowed));
     }
