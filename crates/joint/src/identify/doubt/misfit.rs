@@ -316,27 +316,32 @@ impl Groups {
         Self { squares, expected, constants, own, shared, force }
     }
 
-    /// The group of `rows` at `instants` (places among those compared).
+    /// Rows with the sums of the squares of the covariances between them, of one instant and of two.
+    fn covary<'r>(&self, rows: &'r [usize]) -> (&'r [usize], [f64; 2]) {
+        let norm = |of: &Dense| -> f64 {
+            rows.iter().map(|&r| rows.iter().map(|&c| of[(r, c)] * of[(r, c)]).sum::<f64>()).sum()
+        };
+        (rows, [&self.own, &self.shared].map(norm))
+    }
+
+    /// The group of rows, which [`covary`](Self::covary) makes, at `instants` (places among those compared).
     fn group(
         &self,
         problem: &Problem<'_>,
         name: String,
-        rows: &[usize],
+        (rows, [own, shared]): (&[usize], [f64; 2]),
         instants: std::ops::Range<usize>,
     ) -> MisfitGroup {
         let sum =
             |of: &[Vec<f64>]| -> f64 { instants.clone().map(|i| rows.iter().map(|&r| of[i][r]).sum::<f64>()).sum() };
         let (squares, expected) = (sum(&self.squares), sum(&self.expected));
-        let norm = |of: &Dense| -> f64 {
-            rows.iter().map(|&r| rows.iter().map(|&c| of[(r, c)] * of[(r, c)]).sum::<f64>()).sum()
-        };
         let m = match &self.force {
             Some((row, at)) if rows == [*row] => instants.clone().filter(|&i| at[i]).count(),
             _ => instants.len(),
         };
         let (n, m) = (rows.len() * m, m as f64);
         // Twice the sum of the squares of the covariance of all its numbers.
-        let of_noise = 2.0 * (m * norm(&self.own) + m * (m - 1.0) * norm(&self.shared));
+        let of_noise = 2.0 * (m * own + m * (m - 1.0) * shared);
         let of_constants: f64 = self.constants.iter().map(|constant| 2.0 * sum(constant).powi(2)).sum();
         let variance = of_noise + of_constants;
         let std = (variance + (2.0 * NOISE_LEVEL_STD * expected).powi(2)).sqrt();
@@ -360,6 +365,7 @@ impl Groups {
         // alone.
         let force: Vec<usize> = self.force.iter().map(|(row, _)| *row).collect();
         let of_instants = if rows.is_empty() { &force } else { &rows };
+        let of_instants = self.covary(of_instants);
         let by_instant = (0..n)
             .map(|i| self.group(problem, format!("instant {}", number(i)), of_instants, i..i + 1))
             .filter(|group| group.n > 0)
@@ -367,11 +373,12 @@ impl Groups {
         if !force.is_empty() {
             regions.push(("the force of the load cell".to_owned(), force));
         }
-        let by_region =
-            regions.iter().map(|(name, rows)| self.group(problem, name.clone(), rows, 0..n)).collect::<Vec<_>>();
+        let regions: Vec<_> = regions.iter().map(|(name, rows)| (name, self.covary(rows))).collect();
+        let by_region: Vec<_> =
+            regions.iter().map(|&(name, rows)| self.group(problem, name.clone(), rows, 0..n)).collect();
         let mut by_both = Vec::new();
         let periods = PERIODS.min(n);
-        for (name, rows) in &regions {
+        for (name, rows) in regions {
             for k in 0..periods {
                 let part = k * n / periods..(k + 1) * n / periods;
                 let when = match [number(part.start), number(part.end - 1)] {

@@ -164,8 +164,8 @@ pub(crate) fn extrapolated(law: &dyn CohesiveLaw, furthest: Option<Jump>) -> Opt
     let jump = furthest?;
     let share = share_beyond(law, jump);
     let what = format!(
-        "no pair went beyond an opening of {:.3e} and a sliding of {:.3e} mm, where the work is {:.4} N/mm ({WORK_REACHED}); {:.0} % \
-         of the law's work lies beyond: works of separation are the law's own extrapolation",
+        "the pair that went furthest opened by {:.4} and slid by {:.4} mm, where the work is {:.4} N/mm ({WORK_REACHED}); {:.0} % of \
+         the law's work lies beyond: works of separation are the law's own extrapolation",
         jump.normal,
         jump.tangential.abs(),
         work_along(law, jump),
