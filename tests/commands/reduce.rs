@@ -277,6 +277,13 @@ fn a_reduction_without_what_it_needs_says_what_is_missing() {
     changed("[[opening]]\nzones = [\"upper\", \"lower\"]\n", "", &["[[opening]] between the arms is needed"]);
     changed("width_mm = 25.0", "width_mm = -25.0", &["width_mm", "-25", "above zero"]);
     changed("width_mm = 25.0", "width_mm = 25.0\nend_block_mm = [-1.0, 2.0]", &["end_block_mm", "-1"]);
+    changed(
+        "width_mm = 25.0",
+        "width_mm = 25.0\nend_block_mm = [2.0, 18.0]",
+        &["end_block_mm needs a crack_mm", "longer"],
+    );
+    let blocks = "half_span_mm = 20.0\nlever_mm = 5.0\nend_block_mm = [1.0, 2.0]\nlayout = 'mmb'";
+    changed("layout = \"dcb\"", blocks, &["end_block_mm is for layout = \"dcb\""]);
     changed("adhesive_mm = 0.2", "adhesive_mm = -0.2", &["adhesive_mm", "-0.2", "above zero"]);
     changed("layout = \"dcb\"", "layout = 'mmb'", &["half_span_mm and lever_mm"]);
     changed("layout = \"dcb\"", "layout = 'lap'", &["lap"]);

@@ -147,6 +147,10 @@ fn specimen(asked: &CaseReduction) -> Result<Specimen> {
     if asked.end_block_mm.is_some() && layout != Layout::Dcb {
         return Err(wrong("end_block_mm is for layout = \"dcb\""));
     }
+    // The free arm begins where the block ends.
+    if end_block_mm[1] > 0.0 && !asked.crack_mm.is_some_and(|crack| crack > end_block_mm[1]) {
+        return Err(wrong("end_block_mm needs a crack_mm that is longer than half of the block"));
+    }
     Ok(Specimen {
         layout,
         width_mm: width_mm.unwrap_or(Value { value: asked.width_mm, sigma: 0.0 }),
