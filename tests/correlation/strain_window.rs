@@ -190,6 +190,22 @@ fn the_noise_of_a_window_is_that_of_draws_with_the_covariance_of_the_nodes() {
 }
 
 #[test]
+fn strains_alone_are_those_that_come_with_their_errors_borders_and_holes_included() {
+    let mesh = grid(9, 7);
+    let mut bent = field(&mesh, |[x, y]| [1e-4 * x * y + 2e-6 * x.powi(3), 3e-4 * y * y - 1e-4 * x]);
+    for at in [[64.0, 48.0], [0.0, 0.0], [128.0, 96.0]] {
+        bent.measured[node_at(&mesh, at)] = false;
+    }
+    for definition in [StrainDefinition::Infinitesimal, StrainDefinition::GreenLagrange] {
+        for n in [3, 5, 9] {
+            let both = windows(&mesh, n);
+            let with_errors = both.of(&bent, definition).nodes.into_iter().map(|at| at.map(|(strain, _)| strain));
+            assert_eq!(both.values(&bent, definition), with_errors.collect::<Vec<_>>(), "{n} x {n}");
+        }
+    }
+}
+
+#[test]
 fn the_noise_inside_is_that_of_the_factor_and_falls_with_the_gauge() {
     let mesh = grid(24, 24);
     let still = field(&mesh, |_| [0.0; 2]);

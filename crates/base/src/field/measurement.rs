@@ -195,6 +195,16 @@ impl Measurement<Px> {
 }
 
 impl<U: Length> Measurement<U> {
+    /// The displacement gradient that these weights of nodes make: `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]`.
+    pub(super) fn gradient(&self, weights: impl IntoIterator<Item = (usize, [f64; 2])>) -> [[f64; 2]; 2] {
+        let mut gradient = [[0.0; 2]; 2];
+        for (node, w) in weights {
+            let u = self.displacement[node];
+            (0..2).for_each(|c| (0..2).for_each(|k| gradient[c][k] += w[k] * u[c]));
+        }
+        gradient
+    }
+
     /// Displacement of each node as read at a point: [`Measurement::points`] where known, else the coefficients.
     pub fn at_points(&self) -> &[[f64; 2]] {
         self.points.as_ref().map_or(&self.displacement, |points| &points.displacement)

@@ -132,16 +132,6 @@ fn whole_elements<U: Length>(mesh: &Mesh<U>, measured: &[bool]) -> Vec<bool> {
     mesh.elements().iter().map(|nodes| nodes.iter().all(|&node| measured[node as usize])).collect()
 }
 
-/// The displacement gradient that the weights of a plane make of the first of these nodes.
-fn gradient_of<U: Length>(field: &Measurement<U>, nodes: &[u32], weights: &[[f64; 2]]) -> [[f64; 2]; 2] {
-    let mut gradient = [[0.0; 2]; 2];
-    for (&node, w) in nodes.iter().zip(weights) {
-        let u = field.displacement[node as usize];
-        (0..2).for_each(|c| (0..2).for_each(|k| gradient[c][k] += w[k] * u[c]));
-    }
-    gradient
-}
-
 impl StrainWindows {
     /// Windows on `mesh`; `regularised` fields have noise whose correlation is not known.
     pub fn new<U: Length>(mesh: &Mesh<U>, window: StrainWindow, regularised: bool) -> Self {
@@ -224,7 +214,8 @@ impl StrainWindows {
                 return None;
             }
             let points: Vec<[f64; 2]> = patch.nodes.iter().map(|&node| mesh.nodes()[node as usize]).collect();
-            definition.of_gradient(gradient_of(field, &patch.nodes, &plane(&points)?))
+            let nodes = patch.nodes.iter().map(|&node| node as usize);
+            definition.of_gradient(field.gradient(nodes.zip(plane(&points)?)))
         };
         (0..self.around.len()).map(&mut at_node).collect()
     }
@@ -243,7 +234,8 @@ impl StrainWindows {
     ) -> Option<(TensorStrain, [Slope; 3], [f64; 3])> {
         let points: Vec<[f64; 2]> = place.nodes.iter().map(|&node| field.mesh.nodes()[node as usize]).collect();
         let weights = plane(points.get(..place.window)?)?;
-        let gradient = gradient_of(field, &place.nodes, &weights);
+        let nodes = place.nodes.iter().map(|&node| node as usize);
+        let gradient = field.gradient(nodes.zip(weights.iter().copied()));
         // Variance of unit noise, by component of the displacement.
         let (mut density, mut total) = ([0.0; 2], 0.0);
         for (&node, w) in place.nodes.iter().zip(&weights) {

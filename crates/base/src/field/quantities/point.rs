@@ -209,14 +209,7 @@ pub(super) fn strain_of<U: Length>(
     definition: StrainDefinition,
     by: &[(usize, [f64; 2])],
 ) -> Option<OfGradient> {
-    let mut gradient = [[0.0; 2]; 2];
-    for &(node, d) in by {
-        for c in 0..2 {
-            for k in 0..2 {
-                gradient[c][k] += d[k] * field.displacement[node][c];
-            }
-        }
-    }
+    let gradient = field.gradient(by.iter().copied());
     let strain = definition.of_gradient(gradient)?;
     let slopes = definition.slopes(gradient)?;
     let sigma_of = |slope: [[f64; 2]; 2]| {

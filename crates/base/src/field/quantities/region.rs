@@ -187,11 +187,7 @@ struct NodeGradient {
 impl NodeGradient {
     fn of<U: Length>(field: &Measurement<U>, noise: &NodalNoise, node: usize) -> Option<Self> {
         let by = gradient_weights(&field.mesh, noise, &[(node, 1.0)])?;
-        let mut gradient = [[0.0; 2]; 2];
-        for (node, d) in &by {
-            (0..2).for_each(|c| (0..2).for_each(|k| gradient[c][k] += d[k] * field.displacement[*node][c]));
-        }
-        Some(Self { by, gradient, weight: 0.0 })
+        Some(Self { gradient: field.gradient(by.iter().copied()), by, weight: 0.0 })
     }
 }
 
