@@ -130,6 +130,18 @@ fn the_virtual_test_states_its_constants_as_exact_and_nothing_of_it_is_implausib
     let beyond = remarks[0]["values"]["value"].as_f64().unwrap();
     let reached = fit["derived"]["work_reached"]["value"].as_f64().unwrap();
     assert!((0.3..0.45).contains(&beyond) && (1.3..1.6).contains(&reached), "{beyond}, {reached}");
+    // It is the jump of a pair at an instant.
+    let [opening, sliding] = [0, 1].map(|k| fit["furthest_mm"][k].as_f64().unwrap());
+    let tractions = text(made().join("run/tractions.csv"));
+    let mut lines = tractions.lines().filter(|line| !line.starts_with('#'));
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let column = |name: &str| header.iter().position(|other| *other == name).unwrap();
+    let (n, t) = (column("Dn_mm"), column("Dt_mm"));
+    let is_it = |line: &str| {
+        let values: Vec<f64> = line.split(',').map(|v| v.parse().unwrap_or(f64::NAN)).collect();
+        (values[n] - opening).abs() < 1e-6 * opening && (values[t].abs() - sliding).abs() < 1e-6 * sliding
+    };
+    assert!(lines.any(is_it), "{opening}, {sliding}");
     let table = text(made().join("run/budget.csv"));
     assert!(table.lines().any(|line| line.starts_with("E,exact,0,")), "{table}");
 }

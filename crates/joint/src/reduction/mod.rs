@@ -196,7 +196,7 @@ pub fn reduce(
     };
     let of_crack = Specimen { crack_mm: crack_mm.map(up), ..*specimen };
     line("initial crack", relative(crack_mm), &of_crack, &longer(crack_mm.map_or(0.0, |crack| crack.sigma), 0.0));
-    // A crack that has not grown has the front that it was made with.
+    // A crack that has hardly grown has the front that it was made with, and does not count as grown by this.
     let grown = crack_mm.map_or(0.0, |crack| crack.value + crack_front_std_mm);
     line("crack front", crack_front_std_mm, specimen, &longer(crack_front_std_mm, grown));
     let initial = crack_mm.map_or(0.0, |crack| crack.value);

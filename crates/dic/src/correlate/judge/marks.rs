@@ -168,10 +168,9 @@ pub(crate) fn bilinear(image: &Image, [x, y]: [f64; 2]) -> Option<f64> {
     if !inside {
         return None;
     }
-    let ([i, j], [s, t]) = ([x as usize, y as usize], [x - x.trunc(), y - y.trunc()]);
+    let ([i, j], [s, t]) = ([x as usize, y as usize], [x.fract(), y.fract()]);
     let [k, l] = [(i + 1).min(image.width() - 1), (j + 1).min(image.height() - 1)];
     let rows = [j * image.width(), l * image.width()];
-    // A row each of the two pixels to the sides.
     fn mean<T: Copy + Into<f64>>(p: &[T], rows: [usize; 2], [i, k]: [usize; 2], [s, t]: [f64; 2]) -> f64 {
         let [above, below] = rows.map(|row| (1.0 - s) * p[row + i].into() + s * p[row + k].into());
         (1.0 - t) * above + t * below

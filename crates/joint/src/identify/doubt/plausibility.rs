@@ -36,10 +36,10 @@ const THICKEST: f64 = 20.0;
 /// Share of the jump at the largest traction that the joint must have reached: below it only the first slope of the law
 /// is loaded.
 const LOADED: f64 = 0.1;
-/// Share of the work of a law beyond the furthest jump that is worth a word.
-const BEYOND: f64 = 0.1;
 /// The same for values that a fit starts from.
 const LOADED_AT_START: f64 = 0.01;
+/// Share of the work of a law beyond the furthest jump that is worth a word.
+const BEYOND: f64 = 0.1;
 
 /// The value in a remark with which a thousandth or a thousand times of the given one is meant.
 pub(crate) const MEANT: &str = "meant";

@@ -65,7 +65,8 @@ pub(crate) fn share_beyond(law: &dyn CohesiveLaw, jump: Jump) -> f64 {
     1.0 - here / whole
 }
 
-/// The jump, over pairs and instants compared, on which `law` has done the most work: as far as the test bears it.
+/// Of the largest jump of each pair at the instants compared, that on which `law` does the most work: as far as the test
+/// bears it.
 pub(crate) fn furthest(problem: &Problem<'_>, evaluation: &Evaluation, law: &dyn CohesiveLaw) -> Option<Jump> {
     let instants = &evaluation.solution.instants;
     let mut of_pairs: Vec<Jump> = Vec::new();
@@ -90,7 +91,7 @@ mod tests {
     use crate::mechanics::cohesive::law_by_name;
 
     #[test]
-    fn the_work_of_every_law_along_pure_modes_is_its_work_of_separation() {
+    fn the_work_along_pure_modes_is_the_work_of_separation() {
         // A corner between two of 400 middles: 1e-3 of the work at the most.
         let bilinear = law_by_name("bilinear-power", &[2e3, 12.0, 15.0, 0.5, 0.8, 1.0]).unwrap();
         let exponential = law_by_name("smith-ferrante", &[0.5, 0.02, 1.5]).unwrap();
