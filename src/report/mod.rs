@@ -32,6 +32,7 @@ pub mod reduction;
 mod scale;
 mod scene;
 pub mod summary;
+mod tension;
 pub mod tournament;
 pub mod view;
 mod with_std;
@@ -55,6 +56,7 @@ pub use plot::{Axis, Plot, PlotSeries, Style};
 pub(crate) use reduction::direct_plot;
 pub use reduction::{ReducedTest, ReductionRecord};
 pub use scale::Palette;
+pub use tension::{tension_lines, tension_plot};
 pub use with_std::WithStd;
 
 use crate::field::QuantityError;

@@ -30,6 +30,7 @@ mod run;
 mod run_library;
 mod store;
 mod studio;
+mod tension;
 mod update_cli;
 mod view;
 mod watch;

@@ -38,7 +38,7 @@ pub use joint::{
 pub use law::{CaseCohesive, CaseExact, CaseMaterial, CaseSubstrate, EXACT, Kinematics, PlaneState, Quadrature, STD};
 pub use quantities::{
     CaseCrack, CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
-    CaseRegion, CrackFlags, Decimal,
+    CaseRegion, CaseTension, CrackFlags, Decimal, ImageAxis,
 };
 pub use reader::Reader;
 pub use reduction::{CaseLayout, CaseReduction};
@@ -103,6 +103,9 @@ pub struct CaseFile {
     /// Opening and sliding between two zones.
     #[serde(rename = "opening", default, skip_serializing_if = "Vec::is_empty")]
     pub openings: Vec<CaseOpening>,
+    /// A bar under tension or compression: constants of its material from `[load]` and its gauges
+    /// (docs/quantities.md).
+    pub tension: Option<CaseTension>,
     /// A test of the standards, reduced to J, energy release rates and a traction by `quadrille reduce`
     /// (docs/reduction.md).
     pub reduction: Option<CaseReduction>,
@@ -180,13 +183,15 @@ impl CaseFile {
             regions: self.regions.clone(),
             openings: self.openings.clone(),
             cracks: self.cracks.clone(),
+            tension: self.tension.clone(),
         }
     }
 
     /// This case with other quantities.
     pub fn with_drawn(self, drawn: &CaseQuantities) -> Self {
-        let CaseQuantities { options, load, probes, lines, extensometers, regions, openings, cracks } = drawn.clone();
-        Self { quantities: options, load, probes, lines, extensometers, regions, openings, cracks, ..self }
+        let CaseQuantities { options, load, probes, lines, extensometers, regions, openings, cracks, tension } =
+            drawn.clone();
+        Self { quantities: options, load, probes, lines, extensometers, regions, openings, cracks, tension, ..self }
     }
 }
 

@@ -8,11 +8,14 @@
 mod lines;
 mod rates;
 mod still;
+mod tension;
 
 pub use self::lines::LineHistory;
+pub use self::tension::TensionResult;
 
 use self::rates::{DEGREE, smooth};
 use self::still::{STILL, still_cells, still_remarks};
+use self::tension::TensionHistory;
 use super::csv::{PX_COLUMNS, WINDOW_COLUMNS, WINDOW_MODEL_COLUMNS};
 use super::load::{LoadColumn, LoadTable};
 use crate::camera::{CameraTerm, Rectifier, StillMotion};
@@ -27,7 +30,7 @@ use crate::units::{PixelSize, Px};
 use std::io::{self, Write};
 
 /// Names of the tables.
-pub const QUANTITY_TABLES: [&str; 11] = [
+pub const QUANTITY_TABLES: [&str; 12] = [
     "points",
     "lines",
     "extensometers",
@@ -39,7 +42,10 @@ pub const QUANTITY_TABLES: [&str; 11] = [
     "crack_tips",
     "rates",
     "still",
+    "tension",
 ];
+/// Those with rows for each frame; the last one has constants.
+const BY_FRAME: usize = QUANTITY_TABLES.len() - 1;
 
 /// Writes the quantities of a series frame by frame, and keeps what is needed to draw them against load or time.
 ///
@@ -52,7 +58,7 @@ pub const QUANTITY_TABLES: [&str; 11] = [
 pub struct QuantityTables<'a, W: Write> {
     quantities: &'a Quantities,
     load: &'a LoadTable,
-    tables: [Option<Table<W>>; QUANTITY_TABLES.len()],
+    tables: [Option<Table<W>>; BY_FRAME],
     camera: Option<&'a Rectifier>,
     noise: Option<NodalNoise>,
     windows: Option<StrainWindows>,
@@ -70,6 +76,8 @@ pub struct QuantityTables<'a, W: Write> {
     n_fields: usize,
     /// Fields in which a place had no value; points, lines, extensometers, openings, in order.
     missing: Vec<(String, usize)>,
+    /// The tensile test, where it is written to, and the lines at the head.
+    tension: Option<(TensionHistory, W, Vec<String>)>,
 }
 
 /// The plane that quantities are drawn in.
@@ -98,6 +106,8 @@ pub struct QuantitySummary {
     pub times: Option<LoadColumn>,
     /// The cracks over the frames.
     pub cracks: Vec<CrackHistory>,
+    /// The tensile test.
+    pub tension: Option<TensionResult>,
 }
 
 /// What became of a crack.
@@ -143,6 +153,8 @@ struct Table<W: Write> {
 struct Drawn {
     values: FrameQuantities,
     changed: Vec<FrameQuantities>,
+    /// The names of these directions.
+    terms: Vec<&'static str>,
 }
 
 /// Columns that the uncertainty of the camera has a column for, beside the [`INVARIANTS`].
@@ -307,7 +319,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             (q.rate_window_s.is_some(), vec!["of", "quantity"], RATES.to_vec()),
             (camera.is_some_and(Rectifier::has_still), vec![], STILL.to_vec()),
         ];
-        let mut tables = [const { None }; QUANTITY_TABLES.len()];
+        let mut tables = [const { None }; BY_FRAME];
         for (k, (wanted, keys, columns)) in wanted.into_iter().enumerate() {
             if !wanted {
                 continue;
@@ -358,7 +370,10 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             .chain(q.openings.iter().map(|(name, _)| named("opening", name)))
             .chain(q.cracks.iter().map(|(name, _)| named("crack", name)))
             .collect();
+        let tension = q.tension.map(|gauges| TensionHistory::new(gauges, n_references));
+        let opened = |history| Ok::<_, io::Error>((history, open("tension")?, header.to_vec()));
         Ok(Self {
+            tension: tension.map(opened).transpose()?,
             quantities,
             load,
             tables,
@@ -403,7 +418,11 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                 other.displacement = changed.collect();
                 self.quantities.draw(&other, &values, windows)
             };
-            Drawn { values: self.quantities.draw(field, noise, windows), changed: terms.into_iter().map(off).collect() }
+            Drawn {
+                terms: terms.iter().map(|term| term.name).collect(),
+                values: self.quantities.draw(field, noise, windows),
+                changed: terms.into_iter().map(off).collect(),
+            }
         });
         let whole = drawn.as_ref();
         let drawn = whole.map(|drawn| &drawn.values);
@@ -415,6 +434,9 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         self.keep_traces(drawn, still);
         for (at, line) in self.lines.iter_mut().enumerate() {
             line.take(number, at, drawn, self.quantities);
+        }
+        if let (Some((history, ..)), Some(whole)) = (&mut self.tension, whole) {
+            history.take(number, &whole.values, (&whole.changed, &whole.terms), self.quantities);
         }
         self.still.extend(field.map(|_| (number, still)));
         for (k, history) in self.cracks.iter_mut().enumerate() {
@@ -660,8 +682,15 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         if self.camera.is_some_and(Rectifier::has_still) {
             remarks.extend(still_remarks(&self.still));
         }
+        let mut tension = None;
+        if let Some((history, out, header)) = self.tension {
+            let result = history.finish(self.load);
+            result.write(out, &header)?;
+            remarks.extend(result.remarks());
+            tension = Some(result);
+        }
         let times = self.load.times().cloned();
-        Ok(QuantitySummary { curves, remarks, lines: self.lines, times, cracks: self.cracks })
+        Ok(QuantitySummary { curves, remarks, lines: self.lines, times, cracks: self.cracks, tension })
     }
 }
 

@@ -6,7 +6,7 @@ use crate::cli::look::frames::Frames;
 use crate::field::{RemoveRigid, StrainDefinition};
 use crate::imaging::Interpolation;
 use crate::io::case::flags::numbers;
-use crate::io::case::{CaseLoad, CaseQuantityOptions};
+use crate::io::case::{CaseLoad, CaseQuantityOptions, CaseTension};
 use crate::report::{Animated, Figure, Format};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -73,10 +73,12 @@ pub struct ExportArgs {
     A point and an extensometer over all frames, beside the load recorded with each image:\n    \
     quadrille probe out --point 512,300 --extensometer 100,400,900,400 --load load.csv\n  \
     Opening and sliding along a joint, without the rotation of the specimen:\n    \
-    quadrille probe out --opening upper,lower --remove-rigid all\n\n\
-    Writes DIR/quantities/points.csv, lines.csv, extensometers.csv, regions.csv, openings.csv, openings_mean.csv\n\
-    and rigid_motions.csv, those that are asked for. Sections [[probe]], [[line]], [[extensometer]], [[region]],\n\
-    [[opening]], [load] and [quantities] of a case file say the same.\n\n\
+    quadrille probe out --opening upper,lower --remove-rigid all\n  \
+    Modulus, Poisson's ratio and proof stress of a bar of 12.5 x 3 mm, from the strains of a region:\n    \
+    quadrille probe out --region 80,40,140,400 --tension region1 --load load.csv --area 12.5x3\n\n\
+    Writes DIR/quantities/points.csv, lines.csv, extensometers.csv, regions.csv, openings.csv, openings_mean.csv,\n\
+    rigid_motions.csv and tension.csv, those that are asked for. Sections [[probe]], [[line]], [[extensometer]], [[region]],\n\
+    [[opening]], [tension], [load] and [quantities] of a case file say the same.\n\n\
     Exit status: 0 everything asked for is there; 1 some frame named by --frames has no field; 2 nothing could \
     be done.")]
 pub struct ProbeArgs {
@@ -117,6 +119,8 @@ pub struct ProbeArgs {
     pub opening: Vec<[String; 2]>,
     #[command(flatten)]
     pub options: CaseQuantityOptions,
+    #[command(flatten)]
+    pub tension: CaseTension,
     /// Definition of the strains. Default: that of the run.
     #[arg(long, value_name = "infinitesimal|green-lagrange|hencky", help_heading = "Output")]
     pub strain: Option<StrainDefinition>,

@@ -2,7 +2,7 @@
 
 use crate::io::case::{
     CaseCamera, CaseCorrelation, CaseCrack, CaseExtensometer, CaseFit, CaseImages, CaseLine, CaseLoad, CaseOpening,
-    CaseProbe, CaseQuantityOptions, CaseRegion, CaseZone, schema_of,
+    CaseProbe, CaseQuantityOptions, CaseRegion, CaseTension, CaseZone, schema_of,
 };
 use clap::{Arg, Command};
 use serde_json::Value;
@@ -12,7 +12,7 @@ type Schema = fn() -> Value;
 
 /// Sections that flags say something of, and their schemas. An option has the name of its key, or `SECTION.KEY` where
 /// another section has the same key.
-const SECTIONS: [(&str, Schema); 13] = [
+const SECTIONS: [(&str, Schema); 14] = [
     ("images", schema_of::<CaseImages>),
     ("camera", schema_of::<CaseCamera>),
     ("correlation", schema_of::<CaseCorrelation>),
@@ -25,13 +25,14 @@ const SECTIONS: [(&str, Schema); 13] = [
     ("extensometer", schema_of::<CaseExtensometer>),
     ("region", schema_of::<CaseRegion>),
     ("opening", schema_of::<CaseOpening>),
+    ("tension", schema_of::<CaseTension>),
     ("fit", schema_of::<CaseFit>),
 ];
 
 /// The sections with the commands whose flags are their keys.
 const COMMANDS: [(&[&str], &[&str]); 3] = [
     (&["correlate", "watch", "calibrate"], &["images", "camera", "correlation", "zone", "crack"]),
-    (&["probe"], &["quantities", "load", "probe", "line", "extensometer", "region", "opening"]),
+    (&["probe"], &["quantities", "load", "probe", "line", "extensometer", "region", "opening", "tension"]),
     (&["identify"], &["fit"]),
 ];
 

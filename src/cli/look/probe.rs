@@ -5,13 +5,13 @@ use crate::cli::talk::Paint;
 use crate::cli::{Outcome, Result, plural};
 use crate::field::Curve;
 use crate::io::case::{
-    CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseRegion, over, parse_case,
-    read_case,
+    CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseRegion, CaseTension, over,
+    parse_case, read_case,
 };
 use crate::io::quantities::{LineHistory, QuantitySummary};
 use crate::io::store::Store;
-use crate::report::Plot;
 use crate::report::correlation::{along_load, line_maps, turn_axes};
+use crate::report::{Plot, tension_lines, tension_plot};
 use crate::run::look::quantities::{FOLDER, seen_by, write_of_store};
 use crate::run::{Record, save_picture, strain_window};
 use std::path::Path;
@@ -61,6 +61,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<Outcome> {
         draw_curves(drawings(&summary, bound), &wanted.0, &output.join(CURVES))?;
     }
     if !args.talk.quiet {
+        tension_lines(&summary).for_each(|line| eprintln!("{line}"));
         summary.remarks.iter().for_each(|remark| eprintln!("{}", Paint::PLAIN.remark(remark)));
         eprintln!("{} probed, tables in {}", plural(n, "frame"), output.join(FOLDER).display());
     }
@@ -87,7 +88,10 @@ fn drawings(summary: &QuantitySummary, bound: bool) -> Vec<Drawing> {
         maps.into_iter().map(|(names, plot)| (line.name.clone(), names, plot)).collect::<Vec<_>>()
     };
     let curves = summary.curves.iter().filter(|curve| curve.x.len() > 1).flat_map(of_curve);
-    curves.chain(summary.lines.iter().flat_map(of_line)).collect()
+    let of_tension = summary.tension.iter().filter_map(|of| {
+        Some(("tension".to_owned(), ["stress_MPa", "strain_along"].map(str::to_owned), tension_plot(of)?))
+    });
+    curves.chain(summary.lines.iter().flat_map(of_line)).chain(of_tension).collect()
 }
 
 /// Writes the `wanted` of the `drawings`; all where none is named.
@@ -151,6 +155,9 @@ fn resolve_asked(args: &ProbeArgs, store: &Store) -> Result<CaseQuantities> {
         asked.openings = args.opening.iter().map(|zones| CaseOpening { name: None, zones: zones.clone() }).collect();
     }
     asked.options = over(&args.options, &asked.options)?;
+    if args.tension != CaseTension::default() {
+        asked.tension = Some(over(&args.tension, &asked.tension.unwrap_or_default())?);
+    }
     if let Some(load) = &args.load {
         // Another file has times and areas of its own.
         asked.load = Some(CaseLoad { file: load.display().to_string(), ..CaseLoad::default() });

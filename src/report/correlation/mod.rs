@@ -10,6 +10,7 @@ pub use series::{SeriesPoint, along_load, line_maps, turn_axes};
 
 use super::page::{Block, Page, Section};
 use super::summary::{ReferenceSummary, Summary};
+use super::tension::tension_section;
 use super::words::{plain, significant};
 use super::{Backdrop, ReportError};
 use crate::field::{Measurement, StrainField};
@@ -80,7 +81,8 @@ impl CorrelationReport<'_> {
     /// A picture that cannot be drawn.
     pub fn page(&self) -> Result<Page, ReportError> {
         let mut sections = vec![self.warnings(), self.facts(), self.fields()?];
-        sections.extend([self.series()?, self.quantities()?, self.gauge()?].into_iter().flatten());
+        let tension = self.quantities.tension.as_ref().map(tension_section).transpose()?;
+        sections.extend([tension, self.series()?, self.quantities()?, self.gauge()?].into_iter().flatten());
         let text = "The same versions and files give the same numbers. run.toml beside this page has all of them.";
         let blocks = vec![Block::text(text), Block::Facts(self.provenance.clone())];
         sections.extend([self.guide(), Section { title: "Versions and hashes".into(), blocks }]);

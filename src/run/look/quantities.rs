@@ -2,10 +2,10 @@
 
 use crate::camera::{CameraError, Rectifier};
 use crate::field::{
-    CrackLine, Elasticity, Extensometer, Facing, FrameQuantities, Measurement, Quantities, Region, RemoveRigid,
-    Segment, Status, StrainDefinition, StrainWindow,
+    CrackLine, Elasticity, Extensometer, Facing, FrameQuantities, Gauge, Measurement, Quantities, Region, RemoveRigid,
+    Segment, Status, StrainDefinition, StrainWindow, TensionGauges, TensionOptions,
 };
-use crate::io::case::{CaseCamera, CaseQuantities, CaseRegion, parse_case};
+use crate::io::case::{CaseCamera, CaseLoad, CaseQuantities, CaseRegion, CaseTension, ImageAxis, parse_case};
 use crate::io::load::{LoadTable, read_as_asked};
 use crate::io::quantities::{QUANTITY_TABLES, QuantityPlane, QuantitySummary, QuantityTables};
 use crate::io::store::{STORE, Store};
@@ -131,7 +131,77 @@ pub(crate) fn resolve(
     once("regions", &quantities.regions)?;
     once("openings", &quantities.openings)?;
     once("cracks", &quantities.cracks)?;
+    quantities.tension = match &asked.tension {
+        Some(tension) => Some(tension_of(tension, asked.load.as_ref(), &quantities)?),
+        None => None,
+    };
     Ok(quantities)
+}
+
+/// The gauges of a tensile test among `quantities`.
+fn tension_of(asked: &CaseTension, load: Option<&CaseLoad>, quantities: &Quantities) -> Result<TensionGauges> {
+    let refused = |key: &str, what: String| RunError::from(format!("[tension] {key}: {what}"));
+    let Quantities { extensometers, regions, .. } = quantities;
+    let gauge = |key: &str, name: &String| {
+        let extensometer = extensometers.iter().position(|(own, _)| own == name).map(Gauge::Extensometer);
+        let found = extensometer.or_else(|| regions.iter().position(|(own, _)| own == name).map(Gauge::Region));
+        let names = || extensometers.iter().map(|of| &of.0).chain(regions.iter().map(|of| &of.0));
+        let there = || names().cloned().collect::<Vec<_>>().join(", ");
+        found
+            .ok_or_else(|| refused(key, format!("there is no extensometer or region '{name}'; there are: {}", there())))
+    };
+    let first = || match (extensometers.is_empty(), regions.is_empty()) {
+        (false, _) => Ok(Gauge::Extensometer(0)),
+        (true, false) => Ok(Gauge::Region(0)),
+        _ => Err(refused("along", "strains need an [[extensometer]] or a [[region]]; give one".to_owned())),
+    };
+    let along = asked.along.as_ref().map_or_else(first, |name| gauge("along", name))?;
+    let across = asked.across.as_ref().map(|name| gauge("across", name)).transpose()?;
+    let least = TensionOptions::default();
+    let rising = |key: &str, range: [f64; 2]| match range[0] < range[1] && range.iter().all(|v| v.is_finite()) {
+        true => Ok(range),
+        false => {
+            Err(refused(key, format!("{} to {} is no range; give a smaller and a larger strain", range[0], range[1])))
+        }
+    };
+    let positive = |key: &str, value: Option<f64>| match value {
+        Some(value) if !(value.is_finite() && value > 0.0) => {
+            Err(refused(key, format!("it is {value}; give a number above 0")))
+        }
+        value => Ok(value),
+    };
+    let area = load.and_then(|load| load.area_mm2);
+    let by_area = |key: &str, value: Option<f64>| match (positive(key, value)?, area) {
+        (Some(value), Some(area)) => Ok(value / area),
+        (None, _) => Ok(0.0),
+        (Some(_), None) => Err(refused(key, "the area is not known; give area_mm2 in [load]".to_owned())),
+    };
+    let options = TensionOptions {
+        modulus_range: rising("modulus_range", asked.modulus_range.unwrap_or(least.modulus_range))?,
+        proof_strain: positive("proof_strain", asked.proof_strain)?.unwrap_or(least.proof_strain),
+        r_range: rising("r_range", asked.r_range.unwrap_or(least.r_range))?,
+        stress_std_mpa: by_area("load_N_std", asked.load_n_std)?,
+        area_relative_std: by_area("area_mm2_std", asked.area_mm2_std)?,
+        ..least
+    };
+    let axis = asked.axis.map(|axis| match axis {
+        ImageAxis::X => 0,
+        ImageAxis::Y => 1,
+    });
+    Ok(TensionGauges { along, across, axis: axis.or_else(|| axis_of_gauges(along, across, extensometers)), options })
+}
+
+/// Direction of the load for a region beside an extensometer: where that lies along it, or across it.
+fn axis_of_gauges(along: Gauge, across: Option<Gauge>, extensometers: &[(String, Extensometer)]) -> Option<usize> {
+    let direction = |k: usize| {
+        let [[x0, y0], [x1, y1]] = extensometers.get(k)?.1.ends();
+        Some(usize::from((y1 - y0).abs() > (x1 - x0).abs()))
+    };
+    match (along, across) {
+        (Gauge::Extensometer(k), Some(Gauge::Region(_))) => direction(k),
+        (Gauge::Region(_), Some(Gauge::Extensometer(k))) => direction(k).map(|along| 1 - along),
+        _ => None,
+    }
 }
 
 /// A region, whose corners are placed in the plane.

@@ -8,7 +8,7 @@ use crate::io::quantities::QuantitySummary;
 use crate::io::store::{STORE, Store, StoreWriter};
 use crate::remark::{Code, Remark};
 use crate::report::summary::{FrameSummary, Summary, Trust, counts, reference_updates};
-use crate::report::{CrackSummary, crack_figures};
+use crate::report::{CrackSummary, crack_figures, tension_lines};
 use crate::run::folder::read::make_folder;
 use crate::run::folder::restart;
 use crate::run::folder::store_of_run::{header_of, make_or_find};
@@ -483,18 +483,18 @@ impl<'a> PreparedSeries<'a> {
     fn draw_quantities(&self, n_frames: usize, summary: &mut Summary, watcher: Watcher<'_>) -> Result<QuantitySummary> {
         let (store, folder) = (Store::open(self.folder.path())?, self.folder.path());
         let numbers: Vec<usize> = (1..=n_frames).collect();
-        match quantities::write_of_store(&store, &self.plan.drawn, (None, None), &numbers, folder, |_, _| ()) {
-            Ok(drawn) => {
-                drawn.remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
-                self.tell_of(summary, &drawn)?;
-                return Ok(drawn);
-            }
-            // How long the load file has to be is known only now.
-            Err(error) if self.camera.is_some() => {
-                watcher(Event::Remark(&remarks::curves_missing(&error)));
-            }
-            Err(error) => return Err(error),
-        }
-        Ok(QuantitySummary::default())
+        let drawn =
+            match quantities::write_of_store(&store, &self.plan.drawn, (None, None), &numbers, folder, |_, _| ()) {
+                // How long the load file has to be is known only now.
+                Err(error) if self.camera.is_some() => {
+                    watcher(Event::Remark(&remarks::curves_missing(&error)));
+                    return Ok(QuantitySummary::default());
+                }
+                drawn => drawn?,
+            };
+        drawn.remarks.iter().for_each(|remark| watcher(Event::Remark(remark)));
+        tension_lines(&drawn).for_each(|line| watcher(Event::Note(&line)));
+        self.tell_of(summary, &drawn)?;
+        Ok(drawn)
     }
 }

@@ -21,9 +21,9 @@ pub use options::{Brightness, Elements, RegularisationKind, StartFrom, UnknownCh
 pub use point_filter::{PointFilter, PointFilters};
 pub use quantities::{
     CrackLine, CrackTip, CrackValues, Curve, Elasticity, Elongation, Extensometer, Facing, FacingPoint,
-    FrameQuantities, Jump, NodalNoise, OPEN_BY_SIGMA, OpeningValues, PointValues, Quantities, QuantityError, Reading,
-    Region, RegionValues, RemoveRigid, RigidRemoved, Segment, Spread, StressIntensity, TipState, Value, at_point,
-    remove_rigid,
+    FrameQuantities, Gauge, Jump, NodalNoise, OPEN_BY_SIGMA, OpeningValues, PointValues, Quantities, QuantityError,
+    Reading, Region, RegionValues, RemoveRigid, RigidRemoved, Segment, Spread, Strains, StressIntensity, Tension,
+    TensionConstant, TensionGauges, TensionOptions, TensionPoint, TipState, Value, at_point, remove_rigid,
 };
 pub use rigid::{RigidMotion, uniform_strain};
 pub use strain::{

@@ -297,6 +297,14 @@ codes! {
             "Cells of a table are empty."
             "A place lies outside the mesh or on nodes that are not measured, or a frame has no field."
             "Move the place, or accept the gap.";
+        TensionBent "tension-bent" Warning
+            "A line of the tensile test is bent within its range."
+            "The slope changes clearly from one end to the other. A modulus of such a range is a mean over it."
+            "Give a range that is straight: `[tension] modulus_range` or `r_range`.";
+        TensionMissing "tension-missing" Note
+            "A constant of the tensile test is missing."
+            "The text names it and says what is lacking: a force, an area, frames in the range, a strain across."
+            "Give what is lacking, or do without it.";
         CrackTip "crack-tip" Note
             "What to know of a crack that was followed."
             "It is open to the end of its path, was followed node by node, or lacks a stress intensity."
@@ -309,8 +317,8 @@ codes! {
             "See the report of the correlation.";
         BorderFree "border-free" Warning
             "Nodes of the outer border are left free."
-            "The table of the border does not prescribe them."
-            "Measure the whole border, with the end nodes of the faces of the adhesive.";
+            "The table of the border does not prescribe them, or, of one body, some frame has lost them."
+            "Measure the whole border, with the end nodes of the faces of the adhesive. At a free edge nothing is wrong.";
         RigidMotionRemoved "rigid-motion-removed" Warning
             "The overall rigid motion is taken off."
             "With kinematics = \"paper\" this changes the sliding jump."

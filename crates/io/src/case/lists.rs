@@ -51,6 +51,11 @@ pub(super) fn point<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 
     Exactly::read(deserializer, "", "two numbers [x, y]")
 }
 
+/// A range.
+pub(super) fn two_numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 2]>, D::Error> {
+    Exactly::read(deserializer, "", "two numbers [from, to]").map(Some)
+}
+
 /// Two names.
 pub(super) fn two_names<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[String; 2], D::Error> {
     Exactly::read(deserializer, "", "two names [\"upper\", \"lower\"], those of two [[zone]]")

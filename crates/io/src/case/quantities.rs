@@ -2,7 +2,7 @@
 
 use super::crack_path::CrackPath;
 use super::is_default;
-use super::lists::{four_numbers, name, point, polygon, two_names};
+use super::lists::{four_numbers, name, point, polygon, two_names, two_numbers};
 use crate::field::RemoveRigid;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -27,12 +27,14 @@ pub struct CaseQuantities {
     pub openings: Vec<CaseOpening>,
     /// The sections `[[crack]]`.
     pub cracks: Vec<CaseCrack>,
+    /// The section `[tension]`.
+    pub tension: Option<CaseTension>,
 }
 
 impl CaseQuantities {
     /// Whether nothing is asked for. A load file alone asks for nothing.
     pub fn is_empty(&self) -> bool {
-        let Self { options, load: _, probes, lines, extensometers, regions, openings, cracks } = self;
+        let Self { options, load: _, probes, lines, extensometers, regions, openings, cracks, tension: _ } = self;
         let none = probes.is_empty() && lines.is_empty() && extensometers.is_empty() && openings.is_empty();
         is_default(options) && none && regions.is_empty() && cracks.is_empty()
     }
@@ -201,6 +203,95 @@ pub struct CaseRegion {
     pub polygon: Option<Vec<[f64; 2]>>,
     /// Name of a zone, all of which is meant.
     pub zone: Option<String>,
+}
+
+/// A bar under tension or compression: modulus, Poisson's ratio, proof stress, strength and Lankford's ratio follow from
+/// the stress of `[load]` and the strains of its gauges.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(next_help_heading = "Quantities"))]
+#[serde(deny_unknown_fields)]
+pub struct CaseTension {
+    /// Constants of a tensile test (modulus, Poisson's ratio, proof stress, strength, Lankford's ratio): the extensometer or region
+    /// that has the strain along the load. In a case file without it the first extensometer, else the first region.
+    #[serde(default, deserialize_with = "name")]
+    #[cfg_attr(feature = "cli", arg(id = "tension.along", long = "tension", value_name = "NAME"))]
+    pub along: Option<String>,
+    /// The extensometer or region that has the strain across the load; without, a region has both.
+    #[serde(default, deserialize_with = "name")]
+    #[cfg_attr(feature = "cli", arg(id = "tension.across", long = "across", value_name = "NAME"))]
+    pub across: Option<String>,
+    /// Direction of the load in the image, for regions: x or y; without, that of the larger strain.
+    #[cfg_attr(
+        feature = "cli",
+        arg(id = "tension.axis", long = "load-axis", value_name = "x|y", hide_short_help = true)
+    )]
+    pub axis: Option<ImageAxis>,
+    /// Strains between which modulus and Poisson's ratio are found (ISO 527-1 without; metals need less).
+    #[serde(default, deserialize_with = "two_numbers")]
+    #[schemars(extend("default" = [0.0005, 0.0025]))]
+    #[cfg_attr(
+        feature = "cli",
+        arg(id = "tension.modulus_range", long = "modulus-range", value_name = "FROM,TO", value_parser = range)
+    )]
+    pub modulus_range: Option<[f64; 2]>,
+    /// Plastic strain of the proof stress.
+    #[schemars(extend("default" = 0.002))]
+    #[cfg_attr(
+        feature = "cli",
+        arg(id = "tension.proof_strain", long = "proof-strain", value_name = "E", hide_short_help = true)
+    )]
+    pub proof_strain: Option<f64>,
+    /// True plastic strains between which Lankford's ratio is found, up to the largest load.
+    #[serde(default, deserialize_with = "two_numbers")]
+    #[schemars(extend("default" = [0.02, 0.2]))]
+    #[cfg_attr(
+        feature = "cli",
+        arg(id = "tension.r_range", long = "r-range", value_name = "FROM,TO", value_parser = range, hide_short_help = true)
+    )]
+    pub r_range: Option<[f64; 2]>,
+    /// Standard uncertainty of the area of `[load]`, mm2.
+    #[cfg_attr(
+        feature = "cli",
+        arg(id = "tension.area_mm2_std", long = "area-std", value_name = "MM2", hide_short_help = true)
+    )]
+    pub area_mm2_std: Option<f64>,
+    /// Noise of the load cell, standard deviation, N.
+    #[serde(rename = "load_N_std")]
+    #[cfg_attr(
+        feature = "cli",
+        arg(id = "tension.load_N_std", long = "load-std", value_name = "N", hide_short_help = true)
+    )]
+    pub load_n_std: Option<f64>,
+}
+
+/// A direction in the image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ImageAxis {
+    /// To the right.
+    X,
+    /// Down.
+    Y,
+}
+
+impl FromStr for ImageAxis {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "x" => Ok(Self::X),
+            "y" => Ok(Self::Y),
+            other => Err(format!("'{other}' is no direction in the image; give x or y")),
+        }
+    }
+}
+
+/// Two numbers with a comma between.
+#[cfg(feature = "cli")]
+fn range(text: &str) -> Result<[f64; 2], String> {
+    let numbers = text.split(',').map(|number| number.trim().parse::<f64>()).collect::<Result<Vec<_>, _>>();
+    let numbers = numbers.ok().and_then(|numbers| <[f64; 2]>::try_from(numbers).ok());
+    numbers.ok_or_else(|| format!("'{text}' is not two numbers FROM,TO, such as 0.0005,0.0025"))
 }
 
 /// An opening between two zones.

@@ -49,7 +49,7 @@ impl Reader {
     }
 }
 
-const OF_CORRELATION: [&str; 14] = [
+const OF_CORRELATION: [&str; 15] = [
     "images",
     "camera",
     "correlation",
@@ -61,6 +61,7 @@ const OF_CORRELATION: [&str; 14] = [
     "extensometer",
     "region",
     "opening",
+    "tension",
     "reduction",
     "crack",
     "report",

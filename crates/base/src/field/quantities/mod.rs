@@ -14,6 +14,7 @@ mod reading;
 mod region;
 mod register;
 mod stress_intensity;
+mod tension;
 
 pub use crack::{CrackLine, CrackTip, CrackValues, OPEN_BY_SIGMA, TipState};
 pub use extensometer::{Elongation, Extensometer};
@@ -25,6 +26,7 @@ pub use reading::{Reading, Value};
 pub use region::{Region, RegionValues, Spread};
 pub use register::{RemoveRigid, RigidRemoved, remove_rigid};
 pub use stress_intensity::{Elasticity, StressIntensity};
+pub use tension::{Gauge, Strains, Tension, TensionConstant, TensionGauges, TensionOptions, TensionPoint};
 
 use thiserror::Error;
 

@@ -2,7 +2,7 @@
 
 use super::{
     CrackLine, CrackValues, Elongation, Extensometer, Facing, Jump, NodalNoise, PointValues, Region, RegionValues,
-    RemoveRigid, RigidRemoved, Segment, Value, at_point, remove_rigid,
+    RemoveRigid, RigidRemoved, Segment, TensionGauges, Value, at_point, remove_rigid,
 };
 use crate::field::{Measurement, StrainDefinition, StrainWindow, StrainWindows, TensorStrain};
 use crate::mesh::Mesh;
@@ -37,6 +37,8 @@ pub struct Quantities {
     pub openings: Vec<(String, Facing)>,
     /// Cracks along which the mesh is cut.
     pub cracks: Vec<(String, CrackLine)>,
+    /// The tensile test that extensometers and regions are gauges of.
+    pub tension: Option<TensionGauges>,
 }
 
 /// What [`Quantities`] come to in one field, each in the order of its list.
