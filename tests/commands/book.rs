@@ -216,6 +216,11 @@ fn the_tutorial_of_ones_own_test_can_be_followed() {
 }
 
 #[test]
+fn the_tutorial_of_a_bar_can_be_followed() {
+    drop(follow("bar.md"));
+}
+
+#[test]
 fn the_tutorial_of_a_double_cantilever_beam_can_be_followed() {
     drop(follow("dcb.md"));
 }

@@ -8,13 +8,15 @@ use quadrille::identify::{
 use quadrille::io::case::{CaseExact, CaseFit, CaseForce, CaseMaterial, CaseSubstrate};
 use quadrille::io::joint::{
     BoundaryInput, ForceInput, JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput,
-    RunCamera, read_joint,
+    RunCamera, RunMatrix, read_joint,
 };
+use quadrille::linalg::alike;
 use quadrille::mechanics::cohesive::{ExtendedXuNeedleman, law_by_name};
 use quadrille::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
 use quadrille::mechanics::{
     BoundaryHistory, ForwardOptions, Joint, JointMesh, Kinematics, Model, ModelOptions, NodeGroup,
 };
+use quadrille::mesh::ElementGeometry;
 use quadrille::remark::{About, Code, Remark};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -309,6 +311,7 @@ fn of_run(input: &JointInput) -> JointInput {
     let run = JointRun {
         path: "run".into(),
         mesh: file.clone(),
+        without_texture: Vec::new(),
         frames: (1..=fields.len()).collect(),
         measured_from: vec![0; fields.len()],
         instants: fields.iter().map(|field| field.iter().map(|&u| Some(u)).collect()).collect(),
@@ -706,4 +709,32 @@ fn a_case_that_states_uncertainties_can_be_simulated() {
     set(&mut input.case.substrate.common.values, "E_MPa_std", 1000.0);
     input.case.cohesive.exact = Some(CaseExact::All(true));
     assert!(Joint::new(&input).is_ok());
+}
+
+#[test]
+fn a_node_that_hardly_anything_is_seen_of_does_not_make_the_others_certain() {
+    let sigma_with = |texture: f64| {
+        let mut input = of_run(&input_of(Kinematics::Objective, "weights = \"covariance\"", ""));
+        input.case.measurement.iter_mut().for_each(|measurement| measurement.noise_mm = None);
+        let mesh = mesh();
+        let matrix = |(k, corners): (usize, &[u32; 4])| {
+            let geometry = ElementGeometry::new(corners.map(|node| mesh.nodes()[node as usize]));
+            // The first element has a corner of the mesh to itself.
+            alike(geometry.mass_matrix(), if k == 0 { texture } else { 1.0 })
+        };
+        let matrices = mesh.elements().iter().enumerate().map(matrix).collect();
+        let seen = RunMatrix { corners: mesh.elements().to_vec(), matrices, of_noise: Vec::new() };
+        let (BoundaryInput::Run(border), Some(MeasurementInput::Run(run))) =
+            (&mut input.boundary, &mut input.measurement)
+        else {
+            panic!("a run")
+        };
+        [border, run].into_iter().for_each(|run| run.normal_matrix = Some(seen.clone()));
+        let joint = Case::joint(&input).unwrap();
+        Case::new(&joint, &input, Path::new("case.toml")).unwrap().problem.noise.sigma.expect("stated")
+    };
+    let (even, bare) = (sigma_with(1.0), sigma_with(1e-6));
+    // 10^6 in one of 130 nodes is 5 % in the mean of logarithms, and its neighbours have something of it; by a mean of
+    // variances the others would be a hundred times as certain.
+    assert!((bare / even - 1.0).abs() < 0.1, "{bare} for {even}");
 }

@@ -70,6 +70,7 @@ struct Set<'a> {
     std: f64,
     measurement: &'a str,
     force: &'a str,
+    fitted: &'a str,
     fit: &'a str,
     /// Noise of the border as well.
     noisy_border: bool,
@@ -84,6 +85,7 @@ const BOTH: Set<'_> = Set {
     std: STD,
     measurement: "[measurement]\nfile = 'measured.csv'\nnodes = 'free'\nboundary = 'exact'\ncommon_reference = false\nnoise_mm = 2e-4\n",
     force: "[force]\nfile = 'load.csv'\ngroup = 'upper'\nwidth_mm = 10\nstd_N = 2\n",
+    fitted: "'phi_n', 'delta_n', 'delta_t'",
     fit: "exact = true\nbootstrap = 0\nintervals = 'linear'\n",
     noisy_border: false,
     zero: 0.0,
@@ -111,8 +113,8 @@ fn write_case(folder: &Path, set: &Set<'_>) {
         "[mesh]\nelement_size_mm = {SIZE}\ncolumns = 12\nrows = 4\ngap_mm = {GAP}\n[boundary]\nfile = 'border.csv'\n\
          [substrate]\nE_MPa = 72000.0\nnu = 0.33\nsigma_0_MPa = 180.0\nalpha = 0.06\nn = 7.0\nexact = true\n\
          [cohesive]\nphi_n_N_per_mm = 1.2\ndelta_n_mm = 0.0045\ndelta_t_mm = 0.055\nr = 4.0\nexact = true\n\
-         {}{}[fit]\nparameters = ['phi_n', 'delta_n', 'delta_t']\n{}",
-        set.measurement, set.force, set.fit
+         {}{}[fit]\nparameters = [{}]\n{}",
+        set.measurement, set.force, set.fitted, set.fit
     );
     std::fs::write(folder.join("case.toml"), text).unwrap();
 }
@@ -483,4 +485,89 @@ fn a_load_curve_alone_tells_the_work_of_separation_of_an_opening_test() {
     assert!(work.std.unwrap() < 0.02 * 0.3 && length.std.unwrap() / 0.01 > 3.0 * work.std.unwrap() / 0.3);
     assert!(said.contains("the load curve alone") && said.contains("phi_n to"), "{said}");
     assert!(found.misfit.as_ref().unwrap().tested && found.verdict.outcome != Outcome::Rejected, "{said}");
+}
+
+/// Constants of the strips as unknowns beside those of the law.
+const WITH_E: Set<'_> = Set {
+    fitted: "'phi_n', 'delta_n', 'delta_t', 'E'",
+    fit: "exact = true\nbootstrap = 0\nintervals = 'linear'\n[fit.start]\nE = 66000\n",
+    ..BOTH
+};
+
+#[test]
+fn derivatives_by_a_constant_of_the_strips_are_those_of_differences() {
+    let set = Set { fitted: "'phi_n', 'E', 'nu', 'sigma_0', 'alpha', 'n'", fit: "exact = true\n", ..BOTH };
+    fitted(&set, |case, _| {
+        let problem = &case.problem;
+        let (x, boundary) = (problem.unknowns.start(), &problem.joint.boundary);
+        let at = |x: &[f64]| problem.evaluate(x, boundary).unwrap().expect("a solution");
+        let (here, slopes) = (at(&x), problem.unknowns.slopes(&x));
+        for (k, slope) in slopes.iter().enumerate() {
+            let moved = |share: f64| {
+                let mut x = x.clone();
+                x[k] += share * slope;
+                at(&x)
+            };
+            let (more, less, h) = (moved(1e-4), moved(-1e-4), 2e-4);
+            for (i, block) in here.blocks.iter().enumerate() {
+                let scale = block.column(k + 1).iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+                for (row, exact) in block.column(k + 1).iter().enumerate() {
+                    // The residual is measured less computed. Truncation is 1e-8 of the derivative, Newton leaves 1e-12.
+                    let difference = (less.blocks[i][(row, 0)] - more.blocks[i][(row, 0)]) / h;
+                    assert!(
+                        (exact - difference).abs() < 1e-6 * scale + 1e-9,
+                        "unknown {k}, row {row}: {exact} {difference}"
+                    );
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn a_load_cell_gives_the_modulus_of_the_strips_beside_the_law() {
+    let (mut held, mut n) = (0, 0);
+    for seed in 1..=4 {
+        let exact = fitted(&Set { seed, ..BOTH }, |_, found| found.parameters[0].std.expect("known"));
+        fitted(&Set { seed, ..WITH_E }, |case, found| {
+            assert_eq!(found.verdict.outcome, Outcome::Determined, "{:?}", found.verdict.sentences);
+            assert!(found.budget.lines.iter().all(|line| line.name != "E"), "{:?}", found.budget);
+            assert!(!found.verdict.sentences.join(" ").contains("E = 72 GPa"), "{:?}", found.verdict.sentences);
+            let truth = [TRUTH[0], TRUTH[1], TRUTH[2], 72_000.0];
+            for (p, truth) in found.parameters.iter().zip(truth) {
+                let [low, high] = p.ends95.map(|end| end.expect("an end"));
+                held += usize::from(low <= truth && truth <= high);
+                n += 1;
+            }
+            // What it costs not to know the modulus; each fit has its own noise to first order at its own end.
+            let wider = found.parameters[0].std.expect("known") / exact;
+            assert!((0.97..1.2).contains(&wider), "phi_n is {wider} times as uncertain");
+            let model = case.problem.fitted_model(&found.evaluation).expect("its own");
+            assert_eq!(model.materials()[0].values()[0], found.parameters[3].value);
+        });
+    }
+    // Of 16 intervals of 95 %: 13 or fewer hold once in 100.
+    assert!(held >= 14, "{held} of {n}");
+}
+
+#[test]
+fn a_constant_of_the_strips_that_cannot_be_fitted_is_refused_or_said() {
+    let refused = |set: &Set<'_>, wanted: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        write_case(folder.path(), set);
+        let path = folder.path().join("case.toml");
+        let input = read_joint(&path).unwrap();
+        let joint = Case::joint(&input).unwrap();
+        let error = Case::new(&joint, &input, &path).unwrap_err().to_string();
+        assert!(error.contains(wanted), "{error}");
+    };
+    refused(
+        &Set { fitted: "'phi_n', 'G'", ..BOTH },
+        "neither the law 'extended-xu-needleman' nor [substrate] has 'G'; they have phi_n",
+    );
+    let laws = "exact = true\nlaws = ['bilinear-power', 'extended-xu-needleman']\n";
+    refused(&Set { fit: laws, ..WITH_E }, "take the parameters of [substrate] out");
+    // Without a force all stresses may grow alike.
+    let bare = Set { force: "", fitted: "'phi_n', 'E', 'sigma_0'", fit: "exact = true\nbootstrap = 0\n", ..BOTH };
+    fitted(&bare, |_, found| assert_ne!(found.verdict.outcome, Outcome::Determined, "{:?}", found.verdict.sentences));
 }

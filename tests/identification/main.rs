@@ -5,6 +5,7 @@ mod common;
 #[path = "../mechanics_common/mod.rs"]
 mod mechanics_common;
 
+mod body;
 mod budget;
 mod case_file;
 mod case_schema;

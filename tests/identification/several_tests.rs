@@ -437,7 +437,7 @@ fn what_cannot_be_fitted_together_is_said_with_the_test_that_is_to_blame() {
     refused(&of_all.replace("sliding/case.toml", "gone/case.toml"), &["line 1", "test \"gone\"", "no such case file"]);
     refused(&of_all.replace("sliding/", "opening/"), &["test \"opening\"", "same name"]);
     refused(&of_all.replace("[fit]", "name = \"a/b\"\n[fit]"), &["test \"a/b\"", "folder of its name"]);
-    refused(&of_all.replace("\"r\"]", "\"rho\"]"), &["all.toml", "rho", "it has phi_n"]);
+    refused(&of_all.replace("\"r\"]", "\"rho\"]"), &["all.toml", "rho", "they have phi_n"]);
     refused(&of_all.replace("\"r\"]", "\"r\"]\nprofile = \"r\""), &["all.toml, line", "profile", "take it out here"]);
     refused(
         &of_all.replace("\"r\"]", "\"r\"]\nintervals = \"profile\""),

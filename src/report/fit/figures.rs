@@ -24,7 +24,7 @@ impl FitReport<'_> {
         }
         save("fit-history".into(), self.history()?)?;
         save("parameters".into(), self.parameters()?)?;
-        for (mode, curve) in self.curves.iter().enumerate() {
+        for (mode, curve) in self.curves.iter().enumerate().filter(|(_, curve)| !curve.jumps.is_empty()) {
             let plot = law_plot(mode, curve);
             save(format!("law-{}", MODES[mode].0), plot.draw()?)?;
         }
@@ -44,7 +44,7 @@ impl FitReport<'_> {
             let title = format!("{which} traction along the joint, 95 % bands");
             let plot = Plot::new(title, "distance along the joint (mm)", label, bands.map(band))
                 .with_note(format!("bands: {}", self.bands_hold()));
-            if !plot.series.is_empty() {
+            if !(plot.series.is_empty() || along.is_empty()) {
                 save(format!("{name}-bands"), plot.draw()?)?;
             }
         }

@@ -64,7 +64,7 @@ impl<'a> FitReport<'a> {
         let law = problem.unknowns.law_at(&fit.evaluation.x)?;
         let used = problem.observation.force.is_some();
         let compare = |cell: &LoadCell| {
-            let comparison = cell.compare(&problem.joint.model, &*law, fit.solution())?;
+            let comparison = cell.compare(fit.evaluation.model(problem), &*law, fit.solution())?;
             Some(ForceRecord::of(cell, &comparison, used).with_bands(&bands))
         };
         let force = problem.observation.cell().and_then(compare);

@@ -55,7 +55,7 @@ impl FitReport<'_> {
                 law.by_parameters(jump, &mut by);
                 let mut values = vec![jump.normal + jump.tangential];
                 let pick = |t: Traction| if mode == 1 { t.normal } else { t.tangential };
-                values.extend(unknowns.iter().map(|unknown| pick(by[unknown.index])));
+                values.extend(unknowns.iter().map(|unknown| by.get(unknown.index).map_or(0.0, |&by| pick(by))));
                 rows.push((vec![mode, point], values));
             }
         }
@@ -71,7 +71,7 @@ impl FitReport<'_> {
     /// Those of `out`.
     pub fn write_joint_sensitivities<W: Write>(&self, out: W) -> io::Result<()> {
         let (law, problem) = (self.law()?, &self.case.problem);
-        let model = &problem.joint.model;
+        let model = self.fit.evaluation.model(problem);
         let unknowns = problem.unknowns.list();
         let mut columns = to_strings(&[&["instant", "lower_node", "upper_node", "along_mm"][..], &OF_PAIR].concat());
         columns.extend(self.keys().iter().flat_map(|key| OF_PAIR.map(|value| format!("{value}_by_{key}"))));
@@ -95,7 +95,8 @@ impl FitReport<'_> {
                 let (t, tangent) = (response.traction, response.tangent);
                 let mut values = vec![along[pair], jump.normal, jump.tangential, t.normal, t.tangential];
                 for (unknown, changes) in unknowns.iter().zip(&changes) {
-                    let (d, direct) = (changes[pair], at_fixed_jump[unknown.index]);
+                    let direct = at_fixed_jump.get(unknown.index).copied().unwrap_or_default();
+                    let d = changes[pair];
                     let through = |row: usize| tangent[(row, 0)] * d.normal + tangent[(row, 1)] * d.tangential;
                     values.extend([d.normal, d.tangential, direct.normal + through(0), direct.tangential + through(1)]);
                 }

@@ -15,7 +15,7 @@ use super::{Name, ReportError, version};
 use crate::field::Measurement;
 use crate::imaging::Image;
 use crate::mechanics::Joint;
-use crate::mechanics::cohesive::CohesiveLaw;
+use crate::mechanics::cohesive::{CohesiveLaw, Parameter};
 use crate::remark::Remark;
 use crate::units::{PixelSize, Px};
 use serde::{Deserialize, Serialize};
@@ -120,8 +120,14 @@ impl IdentificationReport<'_> {
         self.fit.map_or(&[], |fit| &fit.parameter_order)
     }
 
+    /// The parameter called `name`, of the law or of the strips.
+    fn parameter(&self, name: &str) -> Option<&'static Parameter> {
+        let of_strips = self.joint.model.materials().iter().map(|material| material.parameters());
+        [self.law.parameters()].into_iter().chain(of_strips).flatten().find(|p| p.name == name)
+    }
+
     fn unit(&self, name: &str) -> &'static str {
-        self.law.parameters().iter().find(|p| p.name == name).map_or("", |p| if p.unit == "1" { "" } else { p.unit })
+        self.parameter(name).map_or("", |p| if p.unit == "1" { "" } else { p.unit })
     }
 
     /// The values that are found, in the units that people speak of: mm below 0.5 as µm.
@@ -134,7 +140,7 @@ impl IdentificationReport<'_> {
 
     /// Symbol and meaning of a parameter.
     fn label(&self, name: &str) -> String {
-        let meaning = self.law.parameters().iter().find(|p| p.name == name).map_or("", |p| p.meaning);
+        let meaning = self.parameter(name).map_or("", |p| p.meaning);
         format!("{name}: {meaning}")
     }
 

@@ -40,6 +40,11 @@ impl<'a> JointReport<'a> {
         Self { joint, solution, energies: &[], times: &[], force: None, j_integrals: &[] }
     }
 
+    /// Whether there is an adhesive, and not one body alone.
+    pub fn has_adhesive(&self) -> bool {
+        !self.joint.model.mesh().interfaces().is_empty()
+    }
+
     /// The instants that have a solution, with their numbers from 1.
     pub fn solved(&self) -> impl Iterator<Item = (usize, &'a Instant)> {
         (1..).zip(&self.solution.instants).filter(|(_, instant)| instant.status.converged())

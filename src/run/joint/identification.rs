@@ -72,10 +72,12 @@ pub fn identify(
     // First of all: when a figure fails, the result is there.
     folder.write_json(FIT, &json)?;
     folder.write("fit-history.csv", |out| report.write_history(out))?;
-    folder.write("traction-bands.csv", |out| report.write_bands(out))?;
-    folder.write("law.csv", |out| report.write_law(out))?;
-    folder.write(LAW_SENSITIVITIES, |out| report.write_law_sensitivities(out))?;
-    folder.write(JOINT_SENSITIVITIES, |out| report.write_joint_sensitivities(out))?;
+    if !joint.model.mesh().interfaces().is_empty() {
+        folder.write("traction-bands.csv", |out| report.write_bands(out))?;
+        folder.write("law.csv", |out| report.write_law(out))?;
+        folder.write(LAW_SENSITIVITIES, |out| report.write_law_sensitivities(out))?;
+        folder.write(JOINT_SENSITIVITIES, |out| report.write_joint_sensitivities(out))?;
+    }
     folder.write("budget.csv", |out| report.write_budget(out))?;
     if let Some(force) = &report.force {
         folder.write(FORCE, |out| force.write(out))?;
@@ -93,7 +95,9 @@ pub fn identify(
     }
     // The joint of the fit, for everything that `simulate` writes.
     let law = of_case.problem.unknowns.law_at(&found.evaluation.x)?;
+    let fitted_model = of_case.problem.fitted_model(&found.evaluation);
     joint.law = law;
+    fitted_model.into_iter().for_each(|model| joint.model = model);
     let j_integrals = joint.model.j_integrals(&*joint.law, found.solution());
     let (force, j_integrals) = (json.force.as_ref(), j_integrals.as_slice());
     let of_joint = JointReport { force, j_integrals, ..JointReport::new(&joint, found.solution()) };

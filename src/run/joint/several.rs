@@ -62,12 +62,16 @@ pub fn identify_several(
     }
     let of_tests = of_case.tests.iter().zip(&found.tests);
     let laws = of_tests
-        .map(|(of, test)| of.case.problem.unknowns.law_at(&test.fit.evaluation.x))
+        .map(|(of, test)| {
+            let (problem, evaluation) = (&of.case.problem, &test.fit.evaluation);
+            problem.unknowns.law_at(&evaluation.x).map(|law| (law, problem.fitted_model(evaluation)))
+        })
         .collect::<std::result::Result<Vec<_>, _>>()?;
     drop(reports);
     drop(of_case);
-    for ((joint, law), test) in joints.iter_mut().zip(laws).zip(&found.tests) {
+    for ((joint, (law, model)), test) in joints.iter_mut().zip(laws).zip(&found.tests) {
         joint.law = law;
+        model.into_iter().for_each(|model| joint.model = model);
         let own = RunFolder::for_export(&output.join(&test.share.name))?;
         write_test(&own, joint, test.fit.solution(), &absolute(case), seconds, asked)?;
     }

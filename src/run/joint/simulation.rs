@@ -167,10 +167,13 @@ fn force(
 
 /// Tables and grids.
 pub(crate) fn write_solution(folder: &RunFolder, report: &JointReport) -> Result<()> {
+    let has_adhesive = report.has_adhesive();
     folder.write("solution.csv", |out| report.write_solution(out))?;
-    folder.write("tractions.csv", |out| report.write_tractions(out))?;
     folder.write("reactions.csv", |out| report.write_reactions(out))?;
-    folder.write("mode-mixity.csv", |out| report.write_mode_mixity(out))?;
+    if has_adhesive {
+        folder.write("tractions.csv", |out| report.write_tractions(out))?;
+        folder.write("mode-mixity.csv", |out| report.write_mode_mixity(out))?;
+    }
     if report.has_j_integral() {
         folder.write(J_INTEGRAL, |out| report.write_j_integral(out))?;
     }
@@ -178,9 +181,12 @@ pub(crate) fn write_solution(folder: &RunFolder, report: &JointReport) -> Result
     let mut numbers = Vec::new();
     for (number, instant) in report.solved() {
         folder.write(&format!("vtu/{number:06}.vtu"), |out| report.write_strips(out, number, instant))?;
-        folder.write(&format!("vtu/{number:06}-interface.vtu"), |out| report.write_interface(out, number, instant))?;
+        if has_adhesive {
+            folder
+                .write(&format!("vtu/{number:06}-interface.vtu"), |out| report.write_interface(out, number, instant))?;
+        }
         numbers.push(number);
     }
     folder.write_series(&numbers)?;
-    folder.write_interface_series(&numbers)
+    if has_adhesive { folder.write_interface_series(&numbers) } else { Ok(()) }
 }

@@ -95,6 +95,7 @@ fn make_up(case: &RunCase, plan: &Plan, scale: PixelSize) -> Result<JointRun> {
     Ok(JointRun {
         path: case.text.path().to_owned(),
         mesh,
+        without_texture: Vec::new(),
         frames: (1..=n_frames).collect(),
         measured_from: vec![0; n_frames],
         instants: (0..n_frames).map(instant).collect(),

@@ -106,6 +106,10 @@ pub struct CaseBoundary {
     pub file: Option<String>,
     /// The store of a correlation run: its outer nodes are prescribed.
     pub store: Option<String>,
+    /// Names of `[groups]` whose part of the border is free of forces: sides, holes. All other outer nodes are
+    /// prescribed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub free: Vec<String>,
     /// The rigid motion that is subtracted at every instant.
     #[schemars(extend("default" = "none"))]
     pub remove_rigid_motion: Option<CaseRigidMotion>,
@@ -150,7 +154,7 @@ pub struct CaseMeasurement {
     pub nodes: Option<CaseNodes>,
     /// Weights of the residual. Default: `covariance` for a store, `paper` for a table.
     pub weights: Option<WeightKind>,
-    /// What is known of the prescribed displacements.
+    /// What is known of the prescribed displacements. Default of one body that a run has measured: `estimated`.
     #[schemars(extend("default" = "measured"))]
     pub boundary: Option<BoundaryNoise>,
     /// Whether a noisy border is smoothed before it is prescribed.

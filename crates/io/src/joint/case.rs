@@ -68,7 +68,10 @@ impl CaseDocument {
             applied_loads: case.applied_loads,
             path: case.path.unwrap_or_default(),
             substrate: case.substrate.ok_or_else(|| missing("substrate", LAW))?,
-            cohesive: case.cohesive.ok_or_else(|| missing("cohesive", LAW))?,
+            // One body: where it is more than that, the joint says so.
+            cohesive: case
+                .cohesive
+                .unwrap_or_else(|| CaseCohesive { model: Some(NO_ADHESIVE.to_owned()), ..CaseCohesive::default() }),
             output: case.output.unwrap_or_default(),
             measurement: case.measurement,
             force: case.force,
@@ -77,6 +80,9 @@ impl CaseDocument {
         })
     }
 }
+
+/// The law of one body without an adhesive.
+pub(crate) const NO_ADHESIVE: &str = "none";
 
 /// What is said of a missing `[substrate]` or `[cohesive]`.
 pub(crate) const LAW: &str = "see docs/mechanics.md for its keys";

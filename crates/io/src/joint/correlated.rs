@@ -12,6 +12,8 @@ pub struct JointRun {
     pub path: PathBuf,
     /// Its mesh; its zones are the groups.
     pub mesh: JointMeshFile,
+    /// Of each element, whether it shows no texture.
+    pub without_texture: Vec<bool>,
     /// Number of the frame of each instant.
     pub frames: Vec<usize>,
     /// Number of the frame that each instant was measured from; 0 for the reference given.
@@ -35,6 +37,50 @@ pub struct JointRun {
     pub camera: Vec<RunCamera>,
     /// What the correlation warned of (`remarks` of its `summary.json`); empty where that is not beside the store.
     pub warnings: Vec<Remark>,
+}
+
+impl JointRun {
+    /// The same without the elements that show no texture, and the nodes that are theirs alone: a hole is no part of a
+    /// body. What is left is numbered anew.
+    #[expect(clippy::indexing_slicing, reason = "elements name nodes of their mesh")]
+    pub fn of_body(mut self) -> Self {
+        let is_kept: Vec<bool> = self.without_texture.iter().map(|bare| !bare).collect();
+        let mut is_used = vec![false; self.mesh.nodes.len()];
+        for (corners, _) in self.mesh.elements.iter().zip(&is_kept).filter(|(_, kept)| **kept) {
+            corners.iter().for_each(|&node| is_used[node as usize] = true);
+        }
+        let count = |before: &mut u32, used: &bool| {
+            *before += u32::from(*used);
+            Some(before.saturating_sub(1))
+        };
+        let numbers: Vec<u32> = is_used.iter().scan(0, count).collect();
+        let renumber = |elements: &mut Vec<[u32; 4]>| {
+            keep(elements, &is_kept);
+            let number = |node: &mut u32| *node = numbers[*node as usize];
+            elements.iter_mut().flatten().for_each(number);
+        };
+        renumber(&mut self.mesh.elements);
+        keep(&mut self.mesh.element_group, &is_kept);
+        keep(&mut self.mesh.nodes, &is_used);
+        self.instants.iter_mut().for_each(|field| keep(field, &is_used));
+        self.sigma.iter_mut().for_each(|sigma| keep(sigma, &is_used));
+        self.camera.iter_mut().flat_map(|term| &mut term.instants).for_each(|field| keep(field, &is_used));
+        if let Some(RunMatrix { corners, matrices, of_noise }) = &mut self.normal_matrix {
+            renumber(corners);
+            keep(matrices, &is_kept);
+            keep(of_noise, &is_kept);
+        }
+        keep(&mut self.without_texture, &is_kept);
+        self
+    }
+}
+
+/// Keeps of `list` what is to be kept; a list of another length stays.
+fn keep<T>(list: &mut Vec<T>, is_kept: &[bool]) {
+    if list.len() == is_kept.len() {
+        let mut kept = is_kept.iter();
+        list.retain(|_| kept.next().copied().unwrap_or(true));
+    }
 }
 
 /// What the displacements of a run are off when its camera is off by one standard uncertainty in one direction.
@@ -88,5 +134,43 @@ impl RunMatrix {
         let matrices = self.matrices.iter().zip(&self.of_noise).map(without_noise).collect();
         let kappa = if left > 0.0 { taken / left } else { 0.0 };
         (Self { matrices, ..self.clone() }, kappa)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_body_is_without_the_elements_that_show_no_texture() {
+        // Three squares in a row, the middle one bare: its nodes are those of its neighbours.
+        let nodes: Vec<[f64; 2]> = (0..8).map(|k| [f64::from(k / 2), f64::from(k % 2)]).collect();
+        let mut elements: Vec<[u32; 4]> = (0..3).map(|k| [2 * k, 2 * k + 2, 2 * k + 3, 2 * k + 1]).collect();
+        // A fourth one beside them, with two nodes of its own.
+        elements.push([6, 8, 9, 7]);
+        let nodes: Vec<[f64; 2]> = nodes.into_iter().chain([[4.0, 0.0], [4.0, 1.0]]).collect();
+        let field: Vec<Option<[f64; 2]>> = (0..10).map(|k| Some([f64::from(k), 0.0])).collect();
+        let run = JointRun {
+            path: PathBuf::new(),
+            mesh: JointMeshFile { nodes, elements, element_group: vec![0, 1, 2, 3], ..JointMeshFile::default() },
+            without_texture: vec![true, true, false, false],
+            frames: vec![1],
+            measured_from: vec![0],
+            instants: vec![field],
+            sigma: vec![vec![[0.1; 2]; 10]],
+            normal_matrix: None,
+            n_references: 1,
+            noise_grey: None,
+            noise_ratio: None,
+            left_out: Vec::new(),
+            camera: Vec::new(),
+            warnings: Vec::new(),
+        };
+        let body = run.of_body();
+        assert_eq!(body.mesh.elements, [[0, 2, 3, 1], [2, 4, 5, 3]]);
+        assert_eq!(body.mesh.element_group, [2, 3]);
+        assert_eq!(body.mesh.nodes, [[2.0, 0.0], [2.0, 1.0], [3.0, 0.0], [3.0, 1.0], [4.0, 0.0], [4.0, 1.0]]);
+        assert_eq!(body.instants[0].iter().flatten().map(|u| u[0]).collect::<Vec<_>>(), [4.0, 5.0, 6.0, 7.0, 8.0, 9.0]);
+        assert_eq!((body.sigma[0].len(), body.without_texture), (6, vec![false, false]));
     }
 }

@@ -22,6 +22,7 @@ mod table;
 pub use super::case::{CaseBoundary, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodes};
 pub use boundary::{BoundaryTable, parse_boundary, read_boundary};
 pub(crate) use case::LAW;
+use case::NO_ADHESIVE;
 pub use case::{JointCase, read_joint_case};
 pub use correlated::{JointRun, RunCamera, RunMatrix};
 pub use curve::read_curves;
@@ -127,7 +128,8 @@ fn joint_of(mut case: JointCase) -> Result<JointInput, JointFileError> {
             {
                 return section("boundary", OTHER_RUN);
             }
-            Some(run)
+            let is_body = case.cohesive.model.as_deref() == Some(NO_ADHESIVE);
+            Some(if is_body { run.of_body() } else { run })
         }
         (None, Some(_)) => return section("boundary", OTHER_RUN),
     };

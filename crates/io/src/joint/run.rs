@@ -2,7 +2,7 @@
 
 use super::{JointFileError, JointMeshFile, JointRun, RunCamera, RunMatrix};
 use crate::camera::{CameraTerm, Rectifier};
-use crate::field::{Elements, Status};
+use crate::field::{ElementMark, Elements, Status};
 use crate::linalg::{ElementMatrix, alike};
 use crate::mesh::mean_products;
 use crate::remark::Remark;
@@ -105,22 +105,32 @@ pub fn read_joint_run(path: &Path, only: Option<&[String; 2]>) -> Result<JointRu
         matrices: list.into_iter().take(n_elements).map(|matrix| flip_y(matrix, per_mm)).collect(),
         of_noise,
     });
-    let n_references = store.header().reference.len().max(1);
     Ok(JointRun {
         path: path.to_owned(),
         mesh,
+        without_texture: without_texture(&store, n_elements)?,
         frames,
         measured_from,
         instants,
         sigma,
         normal_matrix,
-        n_references,
+        n_references: store.header().reference.len().max(1),
         noise_grey,
         noise_ratio,
         left_out,
         camera,
         warnings: warnings_beside(path),
     })
+}
+
+/// Of each of the first `n` elements, whether it shows no texture. That is the reference's: the same in all frames.
+fn without_texture(store: &Store, n: usize) -> Result<Vec<bool>, JointFileError> {
+    for number in 1..=store.n_frames() {
+        if let Some(marks) = store.frame(number)?.and_then(|frame| frame.measurement.marks) {
+            return Ok(marks.iter().take(n).map(|mark| *mark == ElementMark::NoTexture).collect());
+        }
+    }
+    Ok(vec![false; n])
 }
 
 /// Noise of one image in grey levels, over the frames that know it, and that of the residual in it; none where no frame

@@ -53,7 +53,7 @@ pub use objective::load_cell::{LoadCell, LoadComparison};
 pub use objective::noise::{Noise, Precision};
 pub use objective::observation::{CameraChange, Observation, ObservedInstant, largest_without_rigid_motion};
 pub use objective::problem::{Evaluation, Problem};
-pub use objective::unknowns::{Asked, Scale, Unknown, Unknowns, WIDE};
+pub use objective::unknowns::{Asked, OfMaterial, Scale, Unknown, Unknowns, WIDE};
 pub use objective::weights::{InverseCovariance, Weights};
 pub use result::derived::{Derived, WORK_REACHED, derived, work_along};
 pub(crate) use result::derived::{furthest, share_beyond};

@@ -1,15 +1,17 @@
 //! A joint as its case file describes it: mesh, materials, law and prescribed displacements, ready to run.
 
 use super::case_error::OF_MESH;
-use super::cohesive::{CohesiveLaw, ExtendedXuNeedleman, LAW_NAMES, Parameter, law_by_name, parameters_by_name};
+use super::cohesive::{
+    CohesiveLaw, ExtendedXuNeedleman, LAW_NAMES, NoAdhesive, Parameter, law_by_name, parameters_by_name,
+};
 use super::drives::{drives_of_case, nodes_of_group};
 use super::remarks;
 use super::substrate::{
     PlaneState, RambergOsgood, SUBSTRATE_NAMES, SubstrateLaw, Tabulated, substrate_by_name, substrate_parameters,
 };
 use super::{
-    BoundaryFault, BoundaryHistory, Carry, Drives, JointError, JointMesh, JointParts, Kinematics, Model, ModelOptions,
-    NodeGroup, Quadrature, select_nodes, wrong,
+    BoundaryFault, BoundaryHistory, Carry, Drives, JointError, JointMesh, JointParts, Kinematics, MeshFault, Model,
+    ModelOptions, NodeGroup, Quadrature, select_nodes, wrong,
 };
 use crate::field::RigidMotion;
 use crate::io::case::{
@@ -75,6 +77,13 @@ impl MeasuredMesh {
     }
 }
 
+/// Largest share of the border of a body that may be lost in some frame: what is left still says how it moves.
+const MOST_LOST: f64 = 0.1;
+
+/// What is said of a mesh of several parts without a law between them.
+const NO_LAW: &str = "is missing, and the mesh has more than one part: give the law of the adhesive between them \
+                      (docs/mechanics.md); without one there is one body, whose nodes hang together";
+
 /// Key of the one value of a material that need not be given.
 const FACTOR: &str = "curve_factor";
 
@@ -86,7 +95,8 @@ impl Joint {
     pub fn new(input: &JointInput) -> Result<Self, JointError> {
         let case = &input.case;
         let (law, kinematics, quadrature) = law_of_case(&case.cohesive)?;
-        let mut mesh = mesh(&input.mesh)?;
+        let mut mesh = mesh(&input.mesh, law.name() == NoAdhesive::NAME)?;
+        let held = held_nodes(input, &mesh)?;
         if let Some(text) = &case.mesh.crack {
             let refused = |what: String| wrong("mesh", Some("crack"), format!("crack = \"{text}\": {what}"));
             let nodes = select_nodes(text, &mesh).map_err(refused)?;
@@ -94,8 +104,8 @@ impl Joint {
         }
         let mut found = Vec::new();
         let mut boundary = match &input.boundary {
-            BoundaryInput::Table(table) => Some(from_table(table, &input.mesh, &mesh, &mut found)?),
-            BoundaryInput::Run(run) => Some(from_run(run, &mesh, &mut found)?),
+            BoundaryInput::Table(table) => Some(from_table(table, &input.mesh, &mesh, held.as_deref(), &mut found)?),
+            BoundaryInput::Run(run) => Some(from_run(run, &mesh, held, &mut found)?),
             BoundaryInput::Drives => None,
         };
         let mut measured = MeasuredMesh {
@@ -153,7 +163,8 @@ impl Joint {
     /// Lengths that cannot all be in mm.
     fn doubt_units(&mut self) {
         let (size, opening) = (self.model.mesh().element_size(), self.law.front_opening());
-        if size > 1e4 * opening || size < 1e-4 * opening {
+        let has_adhesive = !self.model.mesh().interfaces().is_empty();
+        if has_adhesive && (size > 1e4 * opening || size < 1e-4 * opening) {
             self.remarks.push(remarks::elements_apart(size, opening));
         }
         let largest = self.boundary.instants().iter().flatten().flatten().fold(0.0_f64, |most, u| most.max(u.abs()));
@@ -164,16 +175,40 @@ impl Joint {
     }
 }
 
-fn mesh(input: &MeshInput) -> Result<JointMesh, JointError> {
+/// The nodes that are prescribed where `[boundary] free` names parts of the border.
+fn held_nodes(input: &JointInput, mesh: &JointMesh) -> Result<Option<Vec<u32>>, JointError> {
+    let names = &input.case.boundary.free;
+    let mut free = vec![false; mesh.nodes().len()];
+    for name in names {
+        let refused = |what: String| wrong("boundary", Some("free"), format!("free: {name}: {what}"));
+        let nodes = nodes_of_group(input, name, mesh, None).map_err(refused)?;
+        nodes.into_iter().for_each(|node| free[node as usize] = true);
+    }
+    Ok((!names.is_empty()).then(|| mesh.outer_nodes_without(|node| free[node as usize])))
+}
+
+/// The mesh of a joint, or `of_body`: of one body.
+fn mesh(input: &MeshInput, of_body: bool) -> Result<JointMesh, JointError> {
+    if of_body && matches!(input, MeshInput::Rectangle { .. }) {
+        return Err(wrong("cohesive", None, NO_LAW.to_owned()));
+    }
     match input {
         MeshInput::File(file) | MeshInput::Run(file) => {
             let JointMeshFile { path, nodes, elements, interfaces, faces, lower, groups, element_group, .. } =
                 file.clone();
-            let paired = interfaces.is_some();
+            let paired = interfaces.as_ref().is_some_and(|list| !(of_body && list.is_empty()));
             let interfaces = interfaces.unwrap_or_default();
             let cracked = Vec::new();
             let parts = JointParts { nodes, elements, interfaces, cracked, faces, lower, groups, element_group };
-            let made = if paired { JointMesh::new(parts) } else { JointMesh::from_strips(parts) };
+            let made = match of_body {
+                true if paired => return Err(wrong("cohesive", None, NO_LAW.to_owned())),
+                true => match JointMesh::of_body(parts) {
+                    Err(MeshFault::NoInterface) => return Err(wrong("cohesive", None, NO_LAW.to_owned())),
+                    made => made,
+                },
+                false if paired => JointMesh::new(parts),
+                false => JointMesh::from_strips(parts),
+            };
             made.map_err(|fault| JointError::Mesh { place: path.display().to_string(), fault })
         }
         &MeshInput::Rectangle { element_size, columns, rows, gap } => {
@@ -202,7 +237,9 @@ fn node_groups(
         NodeGroup { loaded: group.nodes.iter().any(|&node| loaded[node as usize]), ..group }
     };
     let acted_on = |group: &NodeGroup| group.loaded || group.nodes.iter().any(|&node| held[node as usize]);
-    let mut names: Vec<&str> = input.case.groups.keys().map(String::as_str).collect();
+    // What is free has no reaction.
+    let is_free = |name: &&str| input.case.boundary.free.iter().any(|free| free == name);
+    let mut names: Vec<&str> = input.case.groups.keys().map(String::as_str).filter(|name| !is_free(name)).collect();
     let of_drives = (input.drives.supports.iter().map(|(support, _)| &support.group))
         .chain(input.drives.loads.iter().map(|(load, _)| &load.group));
     for name in of_drives {
@@ -236,6 +273,7 @@ fn from_table(
     table: &BoundaryTable,
     input: &MeshInput,
     mesh: &JointMesh,
+    held: Option<&[u32]>,
     found: &mut Vec<Remark>,
 ) -> Result<BoundaryHistory, JointError> {
     let file = match input {
@@ -276,14 +314,38 @@ fn from_table(
         )));
     }
     let free: Vec<u32> = mesh.outer_nodes().into_iter().filter(|&node| !given[node as usize]).collect();
-    found.extend(remarks::border_free(&free));
-    history(nodes, table.instants.clone(), &table.path)
+    let Some(held) = held else {
+        found.extend(remarks::border_free(&free));
+        return history(nodes, table.instants.clone(), &table.path);
+    };
+    if let Some(node) = held.iter().find(|&&node| !given[node as usize]) {
+        let what =
+            format!("{}: there is no row for node {node}, which [boundary] free does not name", table.path.display());
+        return Err(JointError::Boundary(what));
+    }
+    let chosen: Vec<usize> = (0..nodes.len()).filter(|&k| held.binary_search(&nodes[k]).is_ok()).collect();
+    let pick = |instant: &Vec<[f64; 2]>| chosen.iter().map(|&k| instant[k]).collect();
+    history(chosen.iter().map(|&k| nodes[k]).collect(), table.instants.iter().map(pick).collect(), &table.path)
 }
 
-/// The measured displacements of the outer nodes, frame by frame.
-fn from_run(run: &JointRun, mesh: &JointMesh, found: &mut Vec<Remark>) -> Result<BoundaryHistory, JointError> {
+/// The measured displacements of the outer nodes, or of those that are `held`, frame by frame.
+fn from_run(
+    run: &JointRun,
+    mesh: &JointMesh,
+    held: Option<Vec<u32>>,
+    found: &mut Vec<Remark>,
+) -> Result<BoundaryHistory, JointError> {
     found.extend(remarks::frames_left_out(&run.left_out));
-    let nodes = mesh.outer_nodes();
+    let mut nodes = held.unwrap_or_else(|| mesh.outer_nodes());
+    if mesh.interfaces().is_empty() {
+        // Of a body a few may be lost, at the edge of a hole: no force acts there.
+        let is_lost = |&node: &u32| run.instants.iter().any(|field| field[node as usize].is_none());
+        let (lost, kept): (Vec<u32>, Vec<u32>) = nodes.iter().partition(|node| is_lost(node));
+        if (lost.len() as f64) < MOST_LOST * nodes.len() as f64 {
+            found.extend(remarks::border_lost(&lost));
+            nodes = kept;
+        }
+    }
     let mut instants = Vec::with_capacity(run.instants.len());
     for (&frame, field) in run.frames.iter().zip(&run.instants) {
         let missing = |node: u32| {
@@ -338,7 +400,9 @@ pub fn law_of_case(given: &CaseCohesive) -> Result<(Box<dyn CohesiveLaw>, Kinema
     let model = given.model.as_deref().unwrap_or(ExtendedXuNeedleman::NAME);
     let parameters = parameters_by_name(model)?;
     let values = values(&given.values, "cohesive", model, parameters, "model, kinematics, quadrature")?;
-    let (kinematics, quadrature) = (given.kinematics.unwrap_or_default(), given.quadrature.unwrap_or_default());
+    // A body is stretched by what its strains are compared with: small rotations would be 1.5 strains off.
+    let usual = if model == NoAdhesive::NAME { Kinematics::Finite } else { Kinematics::default() };
+    let (kinematics, quadrature) = (given.kinematics.unwrap_or(usual), given.quadrature.unwrap_or_default());
     Ok((law_by_name(model, &values)?, kinematics, quadrature))
 }
 

@@ -29,6 +29,30 @@ impl JointMesh {
     /// # Errors
     /// A [`MeshFault`] names the node or element that cannot be used.
     pub fn new(parts: JointParts) -> Result<Self, MeshFault> {
+        match parts.interfaces.is_empty() {
+            true => Err(MeshFault::NoInterface),
+            false => Self::checked(parts),
+        }
+    }
+
+    /// The mesh of a body without an adhesive; `parts.interfaces` is left aside.
+    ///
+    /// # Errors
+    /// What [`JointMesh::new`] refuses of elements and groups, and parts that do not hang together.
+    pub fn of_body(parts: JointParts) -> Result<Self, MeshFault> {
+        let body = Self::checked(JointParts { interfaces: Vec::new(), cracked: Vec::new(), ..parts })?;
+        match body.n_strips() {
+            1 => Ok(body),
+            _ => Err(MeshFault::NoInterface),
+        }
+    }
+
+    /// The same whether there is an adhesive or not.
+    fn like(&self, parts: JointParts) -> Result<Self, MeshFault> {
+        if self.interfaces.is_empty() { Self::of_body(parts) } else { Self::new(parts) }
+    }
+
+    fn checked(parts: JointParts) -> Result<Self, MeshFault> {
         let JointParts { nodes, elements, interfaces, mut cracked, mut groups, mut element_group, .. } = parts;
         if groups.is_empty() {
             groups = vec!["strips".to_owned()];
@@ -44,7 +68,7 @@ impl JointMesh {
         if cracked.is_empty() {
             cracked = vec![false; interfaces.len()];
         }
-        if interfaces.is_empty() || cracked.len() != interfaces.len() || !cracked.contains(&false) {
+        if cracked.len() != interfaces.len() || (!cracked.is_empty() && !cracked.contains(&false)) {
             return Err(MeshFault::NoInterface);
         }
         for (element, corners) in interfaces.iter().enumerate() {
@@ -158,7 +182,7 @@ impl JointMesh {
             element_group: kept.iter().map(|&element| self.element_group[element]).collect(),
             ..JointParts::default()
         };
-        Ok((Self::new(parts)?, of))
+        Ok((self.like(parts)?, of))
     }
 
     /// Positions of the nodes, mm, y up.
@@ -245,21 +269,27 @@ impl JointMesh {
         (self.elements.iter().map(area).sum::<f64>() / self.elements.len() as f64).sqrt()
     }
 
-    /// Mean distance of the faces, mm.
+    /// Mean distance of the faces, mm; 0 without an adhesive.
     pub fn gap(&self) -> f64 {
         let gap = |&[l1, l2, u1, u2]: &[u32; 4]| {
             let corners = [l1, l2, u1, u2].map(|node| self.nodes[node as usize]);
             Interface::new(corners, Quadrature::NewtonCotes, Kinematics::Paper).map_or(0.0, |element| element.gap())
         };
-        self.interfaces.iter().map(gap).sum::<f64>() / self.interfaces.len() as f64
+        self.interfaces.iter().map(gap).sum::<f64>() / self.interfaces.len().max(1) as f64
     }
 
     /// The nodes on the outer border: all border nodes of the strips but those that lie inside a face of the
     /// adhesive. The end nodes of the faces belong to it (THEORY 9).
     pub fn outer_nodes(&self) -> Vec<u32> {
+        self.outer_nodes_without(|_| false)
+    }
+
+    /// The same without edges both of whose nodes are free: a corner of a free and a prescribed side is prescribed.
+    pub fn outer_nodes_without(&self, is_free: impl Fn(u32) -> bool) -> Vec<u32> {
         let border = border_edges(&self.elements);
         let faces: HashSet<[u32; 2]> = self.face_edges().collect();
-        let mut nodes: Vec<u32> = border.into_iter().filter(|&edge| !faces.contains(&sorted(edge))).flatten().collect();
+        let is_held = |&[a, b]: &[u32; 2]| !(faces.contains(&sorted([a, b])) || is_free(a) && is_free(b));
+        let mut nodes: Vec<u32> = border.into_iter().filter(is_held).flatten().collect();
         nodes.sort_unstable();
         nodes.dedup();
         nodes
@@ -354,7 +384,7 @@ impl JointMesh {
         let nodes = carry.values(&self.nodes);
         let groups = self.groups.clone();
         let parts = JointParts { nodes, elements, interfaces, cracked, groups, element_group, ..JointParts::default() };
-        let mesh = Self::new(parts)?;
+        let mesh = self.like(parts)?;
         Ok((mesh, carry))
     }
 

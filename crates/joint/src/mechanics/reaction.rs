@@ -17,7 +17,7 @@ pub struct ReactionGauge {
 pub struct ReactionAt {
     /// The reaction.
     pub value: f64,
-    /// Its derivative by each parameter of the law at fixed displacements.
+    /// Its derivative by each parameter of the law at fixed displacements, and by what else is asked for.
     pub by_law: Vec<f64>,
     /// Its derivative by the displacements of the nodes nearby, N/mm per mm.
     by_displacement: Vec<(u32, [f64; 2])>,

@@ -41,6 +41,17 @@ pub(super) fn border_free(free: &[u32]) -> Option<Remark> {
     Some(Remark::new(Code::BorderFree, About::Nodes(nodes), text).with("nodes", free.len()))
 }
 
+/// Nodes of the border of a body that some frame has lost; `None` where there are none.
+pub(super) fn border_lost(lost: &[u32]) -> Option<Remark> {
+    let first = lost.first()?;
+    let text = format!(
+        "{} nodes of the border are lost in some frame and left free, as if no force acted there (the first is node {first})",
+        lost.len()
+    );
+    let nodes = lost.iter().map(|&node| node as usize).collect();
+    Some(Remark::new(Code::BorderFree, About::Nodes(nodes), text).with("nodes", lost.len()))
+}
+
 /// The frames `left_out` did not converge; `None` where all did.
 pub(super) fn frames_left_out(left_out: &[usize]) -> Option<Remark> {
     let numbers: Vec<String> = left_out.iter().map(usize::to_string).collect();

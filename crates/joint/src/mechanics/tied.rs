@@ -6,7 +6,7 @@ use crate::linalg::SparsePattern;
 /// Place of a component that is prescribed, or of a matrix entry that is not stored.
 pub(super) const NONE: u32 = u32::MAX;
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct TiedBlock {
     /// Of its point along x and y, and of its rotation times its radius.
     pub unknowns: [u32; 3],
@@ -38,7 +38,7 @@ impl TiedBlock {
 }
 
 /// An element with nodes of blocks.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Tied {
     pub element: u32,
     /// Its unknowns, rising.

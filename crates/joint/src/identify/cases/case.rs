@@ -7,13 +7,13 @@ use crate::identify::doubt::remarks;
 use crate::identify::laws::tournament::check_laws;
 use crate::identify::objective::observation::remove_motion;
 use crate::identify::{
-    Border, CameraChange, FitError, FitOptions, FitWatch, LoadCell, Noise, Observation, ObservedInstant, Precision,
-    Problem, TrustRegionOptions, Unknown, Unknowns, even_texture, implausible_joint, largest_without_rigid_motion,
-    latin_hypercube, prescribed_of, unless_meant, wrong,
+    Asked, Border, CameraChange, FitError, FitOptions, FitWatch, LoadCell, Noise, Observation, ObservedInstant,
+    OfMaterial, Precision, Problem, TrustRegionOptions, Unknown, Unknowns, even_texture, implausible_joint,
+    largest_without_rigid_motion, latin_hypercube, prescribed_of, unless_meant, wrong,
 };
 use crate::io::case::{
-    BorderKind, BoundaryNoise, CaseBootstrap, CaseFit, CaseMeasurement, CaseNodes, CasePathControl, Discretisation,
-    Intervals, WeightKind,
+    BorderKind, BoundaryNoise, CaseBootstrap, CaseFit, CaseMeasurement, CaseNodes, CasePathControl, CaseSubstrate,
+    Discretisation, Intervals, WeightKind,
 };
 use crate::io::joint::{
     BoundaryInput, JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunCamera,
@@ -21,6 +21,7 @@ use crate::io::joint::{
 };
 use crate::io::run_case::RunCase;
 use crate::mechanics::cohesive::CohesiveLaw;
+use crate::mechanics::substrate::SubstrateLaw;
 use crate::mechanics::{Joint, law_of_case, materials_of_case};
 use crate::remark::Remark;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -92,9 +93,9 @@ impl<'a> Case<'a> {
                 return Ok(());
             };
             let (law, ..) = law_of_case(cohesive)?;
-            materials_of_case(substrate, &case.interface.zones)?;
+            let materials = materials_of_case(substrate, &case.interface.zones)?;
             if let Some(fit) = &case.joint.fit {
-                starts(&unknowns(&*law, fit)?, fit)?;
+                starts(&unknowns(&*law, (&materials, &case.interface.zones), substrate, fit)?, fit)?;
                 if !fit.laws.is_empty() {
                     check_laws(&fit.laws, &*law, usize::MAX)?;
                 }
@@ -128,7 +129,7 @@ impl<'a> Case<'a> {
         if table.shared.is_some() {
             found.push(remarks::shared_unused());
         }
-        let unknowns = unknowns(&*joint.law, table)?;
+        let unknowns = unknowns(&*joint.law, joint.model.groups_of_materials(), &case.substrate, table)?;
         if joint.law.has_own_minima() && table.intervals == Some(Intervals::Linear) {
             found.push(remarks::own_minima(joint.law.name()));
         }
@@ -138,7 +139,7 @@ impl<'a> Case<'a> {
         };
         let of_run = matches!(measured, Some(MeasurementInput::Run(_)));
         let weights = weight_kind(measurement, of_run, used)?;
-        let boundary = boundary_noise(measurement, measured.is_some())?;
+        let boundary = boundary_noise(measurement, measured, weights, joint)?;
         check_boundary(input, boundary, weights)?;
         let noisy = boundary != BoundaryNoise::Exact;
         if let Some(MeasurementInput::Run(run)) = measured {
@@ -223,7 +224,19 @@ fn weight_kind(measurement: &CaseMeasurement, of_run: bool, used: bool) -> Resul
     }
 }
 
-fn boundary_noise(measurement: &CaseMeasurement, is_measured: bool) -> Result<BoundaryNoise, FitError> {
+fn boundary_noise(
+    measurement: &CaseMeasurement,
+    measured: Option<&MeasurementInput>,
+    weights: WeightKind,
+    joint: &Joint,
+) -> Result<BoundaryNoise, FitError> {
+    let is_measured = measured.is_some();
+    // Noise of the border pulls constants of a body down; as unknowns it does not (THEORY 24).
+    let of_body = matches!(measured, Some(MeasurementInput::Run(_))) && joint.model.mesh().interfaces().is_empty();
+    let usual = match of_body && weights == WeightKind::Covariance {
+        true => BoundaryNoise::Estimated,
+        false => BoundaryNoise::default(),
+    };
     match measurement.boundary {
         Some(BoundaryNoise::Measured | BoundaryNoise::Estimated) if !is_measured => {
             let what =
@@ -231,7 +244,7 @@ fn boundary_noise(measurement: &CaseMeasurement, is_measured: bool) -> Result<Bo
             Err(wrong("measurement", "boundary", what))
         }
         None if !is_measured => Ok(BoundaryNoise::Exact),
-        asked => Ok(asked.unwrap_or_default()),
+        asked => Ok(asked.unwrap_or(usual)),
     }
 }
 
@@ -335,37 +348,69 @@ fn names(unknowns: &Unknowns) -> String {
     unknowns.law().parameters().iter().map(|p| p.name).collect::<Vec<_>>().join(", ")
 }
 
-fn unknowns(law: &dyn CohesiveLaw, table: &CaseFit) -> Result<Unknowns, FitError> {
-    let known: Vec<&str> = law.parameters().iter().map(|p| p.name).collect();
+/// The unknowns: parameters of the law, and of the material of `[substrate]`.
+fn unknowns(
+    law: &dyn CohesiveLaw,
+    (materials, names): (&[Arc<dyn SubstrateLaw>], &[String]),
+    substrate: &CaseSubstrate,
+    table: &CaseFit,
+) -> Result<Unknowns, FitError> {
+    // Groups with a table of their own keep what that says.
+    let groups: Vec<usize> = (0..names.len()).filter(|&group| !substrate.groups.contains_key(&names[group])).collect();
+    let material = groups.first().map(|&first| &materials[first]);
+    let of_law = law.parameters().iter().map(|p| p.name);
+    let of_material = material.iter().flat_map(|material| material.parameters()).map(|p| p.name);
+    let known: Vec<&str> = of_law.chain(of_material).collect();
+    let n_law = law.parameters().len();
     let what = format!("parameters is empty; give some of {}", known.join(", "));
     refuse_if(table.parameters.is_empty(), "fit", "parameters", what)?;
+    let mut of_materials = Vec::new();
     let mut list = Vec::new();
+    let mut values = law.values();
     for (k, name) in table.parameters.iter().enumerate() {
         let Some(index) = known.iter().position(|known| known == name) else {
-            let what = format!("parameters: the law '{}' has no '{name}'; it has {}", law.name(), known.join(", "));
+            let what = format!(
+                "parameters: neither the law '{}' nor [substrate] has '{name}'; they have {}",
+                law.name(),
+                known.join(", ")
+            );
             return Err(wrong("fit", "parameters", what));
         };
         let twice = table.parameters[..k].contains(name);
         refuse_if(twice, "fit", "parameters", format!("parameters: '{name}' stands there twice"))?;
-        list.push(index);
+        let place = match (index.checked_sub(n_law), material) {
+            (Some(index), Some(material)) => {
+                of_materials.push(OfMaterial { groups: groups.clone(), index });
+                values.push(material.values()[index]);
+                values.len() - 1
+            }
+            _ => index,
+        };
+        list.push((place, name));
     }
     for (key, map) in [("start", &table.start), ("lower", &table.lower), ("upper", &table.upper)] {
         for (name, value) in map {
-            let what = format!("{key}: the law '{}' has no '{name}'; it has {}", law.name(), known.join(", "));
+            let what = format!(
+                "{key}: neither the law '{}' nor [substrate] has '{name}'; they have {}",
+                law.name(),
+                known.join(", ")
+            );
             refuse_if(!known.contains(&name.as_str()), "fit", key, what)?;
-            let what = format!("{key}: '{name}' is not among parameters; its value stands in [cohesive]");
+            let what =
+                format!("{key}: '{name}' is not among parameters; its value stands in [cohesive] or [substrate]");
             refuse_if(!table.parameters.contains(name), "fit", key, what)?;
             let infinite = value.is_nan() || (key == "start" && value.is_infinite());
             refuse_if(infinite, "fit", key, format!("{key}: {name} = {value} is not a finite number"))?;
         }
     }
-    let values = law.values();
-    let asked = |&index: &usize| {
-        let name = known[index];
+    let asked = |&(index, name): &(usize, &String)| {
         let given = |map: &BTreeMap<String, f64>| map.get(name).copied();
         (index, given(&table.start).unwrap_or(values[index]), given(&table.lower), given(&table.upper))
     };
-    let unknowns = Unknowns::new(law, &list.iter().map(asked).collect::<Vec<_>>())?;
+    let list: Vec<Asked> = list.iter().map(asked).collect();
+    let what = "laws: laws are compared beside strips that are known; take the parameters of [substrate] out";
+    refuse_if(!(table.laws.is_empty() || of_materials.is_empty()), "fit", "laws", what)?;
+    let unknowns = Unknowns::with_materials(law, materials, of_materials, &list)?;
     check_start(&unknowns, &unknowns.start())?;
     Ok(unknowns)
 }
@@ -742,13 +787,21 @@ fn noise(
             let common = if shared { 1.0 / (own * run.n_references as f64) } else { 0.0 };
             let mut noise =
                 Noise { precision, common, on_boundary, sigma: None, source: String::new(), ratio: run.noise_ratio };
-            let (variance, stated) = (noise.mean_variance(), mean_stated_variance(run, observation));
-            let variance_given = given.map(|noise| noise * noise).or(stated);
-            noise.sigma = variance_given.map(|stated| (stated / variance).sqrt());
-            let from = match (given, stated) {
-                (Some(noise), _) => format!("{noise:e} mm in the mean as given"),
-                (None, Some(stated)) => format!("{:.3e} mm in the mean as the store states it", stated.sqrt()),
-                (None, None) => "estimated from the residual".to_owned(),
+            let stated = stated_variances(run, observation);
+            let from = match given {
+                Some(given) => {
+                    noise.sigma = Some((given * given / noise.mean_variance()).sqrt());
+                    format!("{given:e} mm in the mean as given")
+                }
+                None => {
+                    // Of logarithms: a node that hardly anything is seen of would be all of a mean of variances.
+                    let ratios = stated.iter().zip(noise.variances()).filter(|(stated, _)| **stated > 0.0);
+                    noise.sigma = geometric_mean(ratios.map(|(stated, own)| stated / own)).map(f64::sqrt);
+                    match geometric_mean(stated.into_iter().filter(|stated| *stated > 0.0)) {
+                        Some(stated) => format!("{:.3e} mm in the mean as the store states it", stated.sqrt()),
+                        None => "estimated from the residual".to_owned(),
+                    }
+                }
             };
             noise.source = format!("{of}, mean of {} reference(s) for all frames, {from}", run.n_references);
             Ok(noise)
@@ -756,12 +809,18 @@ fn noise(
     }
 }
 
-/// Mean of the variances that the store states for the rows, mm^2.
-fn mean_stated_variance(run: &JointRun, observation: &Observation) -> Option<f64> {
-    let sum_of_squares = |sigma: &Vec<[f64; 2]>| {
-        observation.nodes.iter().flat_map(|&node| sigma[node as usize]).map(|s| s * s).sum::<f64>()
+/// The variances that the store states for the rows, each in the mean over the instants, mm^2.
+fn stated_variances(run: &JointRun, observation: &Observation) -> Vec<f64> {
+    let n = observation.instants.len() as f64;
+    let row = |node: u32, c: usize| {
+        let sigma = observation.instants.iter().map(|instant| run.sigma[instant.index][node as usize][c]);
+        sigma.map(|sigma| sigma * sigma).sum::<f64>() / n
     };
-    let sum: f64 = observation.instants.iter().map(|instant| sum_of_squares(&run.sigma[instant.index])).sum();
-    let mean = sum / (observation.instants.len() * observation.n_rows()) as f64;
-    (mean > 0.0).then_some(mean)
+    observation.nodes.iter().flat_map(|&node| [row(node, 0), row(node, 1)]).collect()
+}
+
+/// The geometric mean of positive `values`; `None` without any.
+fn geometric_mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, n) = values.fold((0.0, 0.0), |(sum, n), value| (sum + value.ln(), n + 1.0));
+    (n > 0.0).then(|| f64::exp(sum / n))
 }

@@ -2,6 +2,7 @@
 
 use crate::io::case::{CasePlace, CaseText, heading};
 use crate::mechanics::cohesive::LawError;
+use crate::mechanics::substrate::SubstrateError;
 use crate::mechanics::{BoundaryFault, JointError, ModelError};
 use std::path::PathBuf;
 use thiserror::Error;
@@ -86,6 +87,9 @@ pub enum FitError {
     /// A law that refuses its values.
     #[error(transparent)]
     Law(#[from] LawError),
+    /// A material that refuses its values.
+    #[error(transparent)]
+    Substrate(#[from] SubstrateError),
     /// A joint that cannot be made.
     #[error(transparent)]
     Joint(#[from] JointError),

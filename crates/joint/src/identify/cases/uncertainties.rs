@@ -260,8 +260,12 @@ fn lengths(
         (None, mm) => mm,
     };
     let faces = choose(section, "face_position_px_std", stated, exact[1], in_px(DEFAULT_FACE_PX))?;
-    list.push(constant("face_lower", ConstantKind::Face(Face::Lower), None, "mm", faces));
-    list.push(constant("face_upper", ConstantKind::Face(Face::Upper), None, "mm", faces));
+    if joint.model.mesh().interfaces().is_empty() {
+        list.clear();
+    } else {
+        list.push(constant("face_lower", ConstantKind::Face(Face::Lower), None, "mm", faces));
+        list.push(constant("face_upper", ConstantKind::Face(Face::Upper), None, "mm", faces));
+    }
     let key = "pixel_size_relative_std";
     let default = mm_per_px.map(|_| DEFAULT_PIXEL_SIZE);
     let (std, source) = choose(section, key, given(key, fit.pixel_size_relative_std)?, exact[2], default)?;

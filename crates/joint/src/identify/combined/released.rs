@@ -15,7 +15,7 @@ pub(super) fn release(
 ) -> Result<Option<Released>, FitError> {
     let n_data: usize = tests.iter().map(|test| test.problem.n_data()).sum();
     let Some(trial) = Trial::new(&tests[0].problem.unknowns, &evaluation.x, n_data)? else { return Ok(None) };
-    let of_all = tests.iter().map(|test| Some(test.problem.with_unknowns(trial.unknowns()?)));
+    let of_all = tests.iter().map(|test| Some(test.problem.with_unknowns(trial.unknowns(&test.problem.unknowns)?)));
     let Some(problems) = of_all.collect::<Option<Vec<Problem<'_>>>>() else { return Ok(None) };
     let free: Vec<Searched<'_>> =
         problems.iter().zip(tests).map(|(problem, test)| Searched { problem, ..*test }).collect();

@@ -38,7 +38,7 @@ impl Problem<'_> {
     /// `None` where that mesh cannot be made or has no solution.
     pub(crate) fn refine(&self, evaluation: &Evaluation, boundary: &BoundaryHistory) -> Option<Refined> {
         let law = self.unknowns.law_at(&evaluation.x).ok()?;
-        let model = &self.joint.model;
+        let model = evaluation.model(self);
         let (mesh, carry) = model.mesh().refined(2).ok()?;
         let boundary = model.mesh().carry_boundary(&carry, boundary);
         let fine = Model::for_boundary(mesh, model.materials().to_vec(), &boundary, *model.options()).ok()?;

@@ -398,6 +398,9 @@ impl Groups {
 fn regions(problem: &Problem<'_>, rows: &[usize]) -> Vec<(String, Vec<usize>)> {
     let model = &problem.joint.model;
     let mesh = model.mesh();
+    if mesh.interfaces().is_empty() {
+        return ninths(problem, rows);
+    }
     let line = model.pair_positions();
     let length = line.last().map_or(0.0, |(_, along)| *along);
     // Of each node: strip, distance from the mid-line, place along it.
@@ -434,6 +437,29 @@ fn regions(problem: &Problem<'_>, rows: &[usize]) -> Vec<(String, Vec<usize>)> {
                     let name = format!("{} strip, {}, {third_name}", strip_name(mesh, strip), of_band(band));
                     regions.push((name, list));
                 }
+            }
+        }
+    }
+    regions
+}
+
+/// The regions of a body without an adhesive: thirds of its length and of its height.
+fn ninths(problem: &Problem<'_>, rows: &[usize]) -> Vec<(String, Vec<usize>)> {
+    let nodes = problem.joint.model.mesh().nodes();
+    let bound = |c: usize, pick: fn(f64, f64) -> f64, start: f64| nodes.iter().map(|x| x[c]).fold(start, pick);
+    let [low, high] = [(f64::min as fn(f64, f64) -> f64, f64::INFINITY), (f64::max, f64::NEG_INFINITY)]
+        .map(|(pick, start)| [0, 1].map(|c| bound(c, pick, start)));
+    let third = |row: usize, c: usize| {
+        let at = nodes[problem.observation.nodes[row / 2] as usize][c];
+        ((3.0 * (at - low[c]) / (high[c] - low[c])) as usize).min(2)
+    };
+    let mut regions = Vec::new();
+    for (j, height) in ["bottom", "middle", "top"].into_iter().enumerate() {
+        for (i, along) in ["left", "centre", "right"].into_iter().enumerate() {
+            let here: Vec<usize> =
+                rows.iter().copied().filter(|&row| third(row, 0) == i && third(row, 1) == j).collect();
+            if !here.is_empty() {
+                regions.push((format!("{height} third, {along}"), here));
             }
         }
     }

@@ -83,7 +83,7 @@ impl Problem<'_> {
         covariance: Option<&Dense>,
         largest_std: f64,
     ) -> Option<MissingMode> {
-        let law = self.unknowns.law_at(&evaluation.x).ok()?;
+        let law = self.unknowns.law_at(&evaluation.x).ok().filter(|law| !law.parameters().is_empty())?;
         let fields = evaluation.solution.instants.iter().map(|instant| &instant.displacement);
         let opening_share = opening_share(&self.joint.model, &*law, fields);
         let share_of = |mode: Mode| match mode {

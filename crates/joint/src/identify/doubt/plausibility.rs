@@ -280,7 +280,7 @@ fn lengths(joint: &Joint, mm_per_px: Option<f64>, found: &mut Vec<Remark>) {
             );
             found.push(implausible(Code::LengthImplausible, "pixel_size", mm, "mm", what).with(MEANT, mm * 1e-3));
         }
-        if gap < mm {
+        if gap < mm && !mesh.interfaces().is_empty() {
             let what = format!(
                 "the adhesive is {gap:.3e} mm thick, less than a pixel of {mm:.3e} mm: its faces cannot be told apart in the images"
             );

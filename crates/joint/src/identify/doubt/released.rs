@@ -57,7 +57,7 @@ impl ReleasedParameter {
 /// A law all of whose parameters are unknowns, as a trial.
 pub(crate) struct Trial {
     law: Box<dyn CohesiveLaw>,
-    /// As of [`Unknowns::new`]: those fitted, then those prescribed.
+    /// As of [`Unknowns::of_list`]: those fitted, then those prescribed.
     list: Vec<Asked>,
     fitted: usize,
 }
@@ -83,9 +83,9 @@ impl Trial {
         Ok((list.len() > fitted && n_data > list.len()).then_some(Self { law, list, fitted }))
     }
 
-    /// Its unknowns; `None` where the law allows no other values.
-    pub fn unknowns(&self) -> Option<Unknowns> {
-        Unknowns::new(&*self.law, &self.list).ok()
+    /// The same unknowns as `fitted` and those prescribed; `None` where the law allows no other values.
+    pub fn unknowns(&self, fitted: &Unknowns) -> Option<Unknowns> {
+        fitted.of_list(&*self.law, &self.list).ok()
     }
 
     /// What the trial that ended so with the parameters `x`, each known to `std`, comes to.
@@ -120,7 +120,7 @@ impl Problem<'_> {
         let Some(trial) = Trial::new(&self.unknowns, &evaluation.x, self.n_data())? else {
             return Ok(None);
         };
-        let Some(unknowns) = trial.unknowns() else { return Ok(None) };
+        let Some(unknowns) = trial.unknowns(&self.unknowns) else { return Ok(None) };
         let problem = self.with_unknowns(unknowns);
         let end = run(&problem, boundary, weights, &problem.unknowns.start(), None, &Trial::region());
         let before = evaluation.local(weights, &self.noise).omega;

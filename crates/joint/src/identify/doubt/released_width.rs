@@ -94,7 +94,7 @@ impl Problem<'_> {
         let cell = self.observation.force.as_ref()?;
         let Weights::Inverse(_) = weights else { return None };
         let law = self.unknowns.law_at(&evaluation.x).ok()?;
-        let model = &self.joint.model;
+        let model = evaluation.model(self);
         let by_width = |observed: &ObservedInstant| {
             let u = &evaluation.solution.instants[observed.index].displacement;
             self.observation.column(observed.index, |_, _| 0.0, |cell| cell.reaction(model, &*law, u).value)

@@ -73,7 +73,7 @@ impl Problem<'_> {
     /// already, or where there is no solution.
     pub(crate) fn turn(&self, evaluation: &Evaluation, boundary: &BoundaryHistory) -> Option<Vec<Dense>> {
         let law = self.unknowns.law_at(&evaluation.x).ok()?;
-        let model = &self.joint.model;
+        let model = evaluation.model(self);
         let options = ModelOptions { kinematics: Kinematics::Finite, ..*model.options() };
         let finite = model.held_alike(model.mesh().clone(), options).ok()?;
         let ended = || self.watch.ended().is_some();

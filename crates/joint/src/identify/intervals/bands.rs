@@ -328,7 +328,8 @@ impl Uncertain<'_> {
         let mut at_fixed_jump = vec![Traction::default(); law.parameters().len()];
         law.by_parameters(jump, &mut at_fixed_jump);
         let g = Dense::from_fn(problem.unknowns.n(), 2, |k, d| {
-            let direct = at_fixed_jump[problem.unknowns.list()[k].index];
+            // Of a material there is none.
+            let direct = at_fixed_jump.get(problem.unknowns.list()[k].index).copied().unwrap_or_default();
             slopes[k] * [direct.normal, direct.tangential][d]
                 + (0..2).map(|c| tangent[(d, c)] * errors.by_z.column(2 * pair + c)[k]).sum::<f64>()
         });
@@ -438,12 +439,13 @@ fn errors(
     i: usize,
     law: &dyn CohesiveLaw,
 ) -> Result<Errors, FitError> {
-    let (model, observation, noise) = (&problem.joint.model, &*problem.observation, &*problem.noise);
+    let (model, observation, noise) = (fit.evaluation.model(problem), &*problem.observation, &*problem.noise);
     let index = observation.instants[i].index;
     let instant = &fit.solution().instants[index];
     let n = problem.unknowns.n();
     let slopes = problem.unknowns.slopes(&fit.evaluation.x);
-    let cell = observation.cell().map(|cell| (cell.width_mm, cell.reaction(model, law, &instant.displacement)));
+    let reaction = |cell| problem.reaction((cell, model), law, &instant.displacement);
+    let cell = observation.cell().map(|cell| (cell.width_mm, reaction(cell)));
     // Of jumps, force and nothing, for a change of the displacements and, of the force itself, of the law.
     let changes = |by: &Vec<[f64; 2]>, by_law: Option<usize>| -> Vec<f64> {
         let jumps = model.jump_changes(&instant.displacement, by);
@@ -548,6 +550,9 @@ pub(crate) fn curve_bands_up_to(
 ) -> Result<[CurveBand; 2], FitError> {
     let x = &fit.evaluation.x;
     let law: Box<dyn CohesiveLaw> = problem.unknowns.law_at(x)?;
+    if law.parameters().is_empty() {
+        return Ok([CurveBand::default(), CurveBand::default()]);
+    }
     let list = problem.unknowns.list();
     let slopes = problem.unknowns.slopes(x);
     let covariance = fit.statistics.as_ref().map(|statistics| by_noise(statistics, fit));
@@ -569,7 +574,11 @@ pub(crate) fn curve_bands_up_to(
             let value = pick(law.response(jump).traction);
             let mut by = vec![Traction::default(); law.parameters().len()];
             law.by_parameters(jump, &mut by);
-            let g: Vec<f64> = list.iter().zip(&slopes).map(|(u, slope)| slope * pick(by[u.index])).collect();
+            let g: Vec<f64> = list
+                .iter()
+                .zip(&slopes)
+                .map(|(u, slope)| slope * by.get(u.index).map_or(0.0, |&by| pick(by)))
+                .collect();
             let variance = |covariance: &Dense| {
                 let row_of = |r: usize| (0..g.len()).map(|c| g[r] * covariance[(r, c)] * g[c]).sum::<f64>();
                 (0..g.len()).map(row_of).sum::<f64>().max(0.0)

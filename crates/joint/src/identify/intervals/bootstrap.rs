@@ -151,7 +151,7 @@ impl Base<'_> {
                 && cell.at(observed.index).is_some()
             {
                 let law = unknowns.law_at(&self.evaluation.x).ok()?;
-                let computed = cell.width_mm * cell.reaction(&joint.model, &*law, u).value;
+                let computed = cell.width_mm * cell.reaction(self.evaluation.model(self.problem), &*law, u).value;
                 cell.values[observed.index] = Some(computed + sign * e[row]);
             }
             for (row, value) in observed.displacement.iter_mut().enumerate() {

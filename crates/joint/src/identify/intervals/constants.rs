@@ -4,7 +4,7 @@
 //! the change of the internal forces when the constant moves, solved for the free nodes. No further forward run is
 //! needed.
 
-use crate::identify::{Evaluation, LoadCell, ObservedInstant, Problem, Statistics};
+use crate::identify::{Evaluation, LoadCell, ObservedInstant, OfMaterial, Problem, Statistics};
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump};
 use crate::mechanics::{Instant, JointMesh, JointParts, Kinematics, Linearised, Model, NodalField, ReactionAt};
@@ -117,7 +117,8 @@ pub struct ConstantEffect {
     pub constant: Constant,
     /// Change of each scaled unknown.
     pub scaled: Vec<f64>,
-    /// Change of each parameter of the law: of those fitted what `scaled` says, of a prescribed one its own.
+    /// Change of each parameter of the law: of those fitted what `scaled` says, of a prescribed one its own. Behind
+    /// them those of the fitted ones of materials.
     pub law: Vec<f64>,
     /// Change of the computed jumps at each instant compared, with the parameters of the law as they are.
     pub jumps: Vec<Vec<Jump>>,
@@ -196,6 +197,7 @@ impl Moved {
 /// The joint at an instant compared, as far as the effects of constants need it.
 struct AtInstant<'a> {
     problem: &'a Problem<'a>,
+    model: &'a Model,
     law: &'a dyn CohesiveLaw,
     instant: &'a Instant,
     /// Number of the instant of the border.
@@ -216,17 +218,13 @@ impl<'a> AtInstant<'a> {
         index: usize,
         tangent_needed: bool,
     ) -> Self {
-        let model = &problem.joint.model;
+        let model = evaluation.model(problem);
         let instant = &evaluation.solution.instants[index];
         let u = &instant.displacement;
         let tangent = if tangent_needed { model.linearise(law, u).ok() } else { None };
         let cell = problem.observation.cell().filter(|cell| cell.at(index).is_some());
         let reaction = cell.map(|cell| (cell, cell.reaction(model, law, u)));
-        Self { problem, law, instant, index, tangent, reaction, by_group: BTreeMap::new() }
-    }
-
-    fn model(&self) -> &'a Model {
-        &self.problem.joint.model
+        Self { problem, model, law, instant, index, tangent, reaction, by_group: BTreeMap::new() }
     }
 
     fn still(&self) -> NodalField {
@@ -250,7 +248,7 @@ impl<'a> AtInstant<'a> {
 
     /// What a unit of a constant changes; `moved` is the model with it moved, where it is a length of the joint.
     fn change(&mut self, kind: &ConstantKind, moved: Option<&Moved>) -> Option<Change> {
-        let (model, u) = (self.model(), &self.instant.displacement);
+        let (model, u) = (self.model, &self.instant.displacement);
         let no_jumps = || vec![Jump::default(); model.mesh().pairs().len()];
         match kind {
             ConstantKind::Material { groups, index } => self.by_material(groups, *index),
@@ -279,7 +277,7 @@ impl<'a> AtInstant<'a> {
 
     /// The border moves by what it is off, and the model follows; what is compared is off by itself.
     fn by_camera(&self, term: usize) -> Option<Change> {
-        let (model, measured) = (self.model(), &self.problem.joint.measured);
+        let (model, measured) = (self.model, &self.problem.joint.measured);
         let of_term = self.problem.observation.camera.get(term)?;
         let off = of_term.instants.get(self.index)?;
         let mut nodes = self.still();
@@ -295,7 +293,7 @@ impl<'a> AtInstant<'a> {
     }
 
     fn by_material(&mut self, groups: &[usize], index: usize) -> Option<Change> {
-        let (model, u) = (self.model(), &self.instant.displacement);
+        let (model, u) = (self.model, &self.instant.displacement);
         let tangent = self.tangent.as_ref()?;
         let mut nodes = self.still();
         for &group in groups {
@@ -311,7 +309,7 @@ impl<'a> AtInstant<'a> {
     /// Were all parameters of the law to grow by their power of mm, the solution would grow as the data do: what a
     /// prescribed one, which does not, takes away. Those fitted follow, see [`Problem::constant_effects`].
     fn by_pixel_size(&self) -> Option<Change> {
-        let (model, u) = (self.model(), &self.instant.displacement);
+        let (model, u) = (self.model, &self.instant.displacement);
         let small = model.options().kinematics.is_small();
         let (mut nodes, mut all) = (self.still(), if small { u.clone() } else { self.still() });
         // A reaction by width grows as lengths do, what the load cell shows does not.
@@ -351,7 +349,8 @@ impl Problem<'_> {
         let law = &*law;
         let asked: Vec<&Constant> = constants.iter().filter(|c| c.std > 0.0 && !self.is_fitted(&c.kind)).collect();
         let asked: Vec<&Constant> = asked.into_iter().filter(|c| c.kind != ConstantKind::NoiseLevel).collect();
-        let moved: Vec<Option<Moved>> = asked.par_iter().map(|c| move_constant(&self.joint.model, &c.kind)).collect();
+        let moved: Vec<Option<Moved>> =
+            asked.par_iter().map(|c| move_constant(evaluation.model(self), &c.kind)).collect();
         let tangent_needed =
             moved.iter().any(Option::is_some) || asked.iter().any(|constant| constant.kind.needs_tangent());
         let of_instant = |observed: &ObservedInstant| -> Vec<Option<Change>> {
@@ -405,7 +404,7 @@ impl Problem<'_> {
     /// Change of each parameter of the law for the change `scaled` of the unknowns at `x` and one of `constant`, where
     /// that is one of them.
     pub(crate) fn law_change(&self, constant: &Constant, x: &[f64], scaled: &[f64]) -> Vec<f64> {
-        let mut law = vec![0.0; self.unknowns.law().parameters().len()];
+        let mut law = vec![0.0; self.unknowns.law().parameters().len() + self.unknowns.of_materials().len()];
         if let ConstantKind::Law { index } = constant.kind {
             law[index] = constant.std;
         }
@@ -417,7 +416,13 @@ impl Problem<'_> {
 
     /// Whether a constant is among the unknowns.
     pub(crate) fn is_fitted(&self, kind: &ConstantKind) -> bool {
-        matches!(kind, ConstantKind::Law { index } if self.unknowns.list().iter().any(|u| u.index == *index))
+        match kind {
+            ConstantKind::Law { index } => self.unknowns.list().iter().any(|u| u.index == *index),
+            ConstantKind::Material { groups, index } => {
+                self.unknowns.fits_material(&OfMaterial { groups: groups.clone(), index: *index })
+            }
+            _ => false,
+        }
     }
 }
 

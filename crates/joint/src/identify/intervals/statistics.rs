@@ -38,7 +38,7 @@ impl Statistics {
     pub fn new(problem: &Problem<'_>, evaluation: &Evaluation, weights: &Weights) -> Result<Option<Self>, FitError> {
         let noise = &problem.noise;
         let local = evaluation.local(weights, noise);
-        let Ok(factor) = local.h.cholesky() else { return Ok(None) };
+        let Some(factor) = local.h.cholesky().ok().filter(|_| !local.is_singular()) else { return Ok(None) };
         let a = factor.inverse();
         let Led { v, by_boundary, of_diagonal } = Led::new(problem, evaluation, weights)?;
         let n = problem.n_data() as f64;

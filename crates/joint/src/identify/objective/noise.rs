@@ -1,7 +1,9 @@
 //! The noise of measured displacements, in space and time (THEORY 7).
 
 use crate::io::joint::RunMatrix;
-use crate::linalg::{BlockMatrix, Cholesky, Dense, ElementMatrix, NotPositiveDefinite, Pattern, alike, dissection};
+use crate::linalg::{
+    BlockMatrix, Cholesky, Dense, ElementMatrix, NotPositiveDefinite, Pattern, alike, dissection, selected_inverse,
+};
 use crate::mesh::ElementGeometry;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -21,6 +23,8 @@ pub enum Precision {
         matrix: BlockMatrix,
         /// Its factor.
         factor: Cholesky,
+        /// The order in which its nodes are eliminated.
+        order: Vec<usize>,
     },
     /// Of a selection of nodes: the inverse of their part of `M^-1`, never a block of `M`.
     Marginal {
@@ -58,7 +62,7 @@ impl Precision {
         let order = dissection(&pattern, positions, 0..positions.len());
         let factor = Cholesky::new(&matrix, &order)?;
         if kept.len() == positions.len() && (0..).zip(kept).all(|(k, &node)| k == node) {
-            return Ok(Self::Sparse { matrix, factor });
+            return Ok(Self::Sparse { matrix, factor, order });
         }
         let mut covariance = Dense::zeros(2 * kept.len(), 2 * kept.len());
         for (k, &node) in kept.iter().enumerate() {
@@ -194,18 +198,25 @@ pub struct Noise {
 impl Noise {
     /// The variance of one displacement of one instant in the mean, by `sigma^2`; zero where there are none.
     pub fn mean_variance(&self) -> f64 {
+        let variances = self.variances();
+        variances.iter().sum::<f64>() / variances.len().max(1) as f64
+    }
+
+    /// The variance of each displacement of one instant, by `sigma^2`.
+    pub(crate) fn variances(&self) -> Vec<f64> {
         let precision = self.precision.of_displacements();
         let n = precision.n();
-        let sum = match precision {
-            Precision::WithForce { .. } => 0.0, // a force beside a force: never made
-            Precision::White(n) => *n as f64,
-            Precision::Marginal { covariance, .. } => (0..n).map(|k| covariance[(k, k)]).sum(),
-            Precision::Sparse { .. } => {
-                let inverse = precision.inverse_times(&Dense::from_fn(n, n, |r, c| f64::from(r == c)));
-                (0..n).map(|k| inverse[(k, k)]).sum()
+        let of_one: Vec<f64> = match precision {
+            Precision::WithForce { .. } => Vec::new(), // a force beside a force: never made
+            Precision::White(n) => vec![1.0; *n],
+            Precision::Marginal { covariance, .. } => (0..n).map(|k| covariance[(k, k)]).collect(),
+            Precision::Sparse { matrix, order, .. } => {
+                let inverse = selected_inverse(matrix, order, matrix.pattern());
+                let inverse = inverse.expect("a precision that was factorised when it was made");
+                (0..n / 2).map(|node| inverse.diagonal(node)).flat_map(|[xx, _, yy]| [xx, yy]).collect()
             }
         };
-        (1.0 + self.common) * sum / n.max(1) as f64
+        of_one.into_iter().map(|variance| (1.0 + self.common) * variance).collect()
     }
 
     /// Noise of all rows at `n_instants` instants, one list for each, that of the common reference among it: mm, or in

@@ -1,12 +1,13 @@
 //! The objective (THEORY 6, 7): residual, Jacobian, and what the trust region needs of them.
 
 use crate::identify::{
-    Border, FitError, FitWatch, InverseCovariance, Local, Noise, Observation, ObservedInstant, Unknowns, Weights,
+    Border, FitError, FitWatch, InverseCovariance, LoadCell, Local, Noise, Observation, ObservedInstant, OfMaterial,
+    Unknowns, Weights,
 };
 use crate::io::case::WeightKind;
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::CohesiveLaw;
-use crate::mechanics::{BoundaryHistory, ForwardOptions, Joint, Model, ModelError, Solution, Status};
+use crate::mechanics::{BoundaryHistory, ForwardOptions, Joint, Model, ModelError, ReactionAt, Solution, Status};
 use rayon::prelude::*;
 use std::cell::Cell;
 use std::sync::Arc;
@@ -41,10 +42,12 @@ pub struct Evaluation {
     /// Per instant compared: the residual, measured less computed, and its derivative by each scaled unknown (that of
     /// the computed displacement), mm.
     pub blocks: Vec<Dense>,
-    /// The forward run.
+    /// The forward run; its sensitivities are by the parameters of the law, then by the fitted ones of materials.
     pub solution: Solution,
     /// Whether it was rescued.
     pub rescued: bool,
+    /// The model, where parameters of its materials are fitted.
+    pub(crate) own_model: Option<Arc<Model>>,
 }
 
 impl Evaluation {
@@ -61,6 +64,11 @@ impl Evaluation {
             h: Dense::from_fn(n - 1, n - 1, symmetric),
             rescued: self.rescued,
         }
+    }
+
+    /// The model with the materials of these parameters.
+    pub fn model<'a>(&'a self, problem: &'a Problem<'_>) -> &'a Model {
+        self.own_model.as_deref().unwrap_or(&problem.joint.model)
     }
 
     /// The residual alone, a column for each instant.
@@ -146,10 +154,15 @@ impl Problem<'_> {
         boundary: &BoundaryHistory,
         ended: &dyn Fn() -> bool,
     ) -> Result<Option<Evaluation>, ModelError> {
-        let Ok(law) = self.unknowns.law_at(x) else { return Ok(None) };
-        let options = ForwardOptions { law_sensitivities: true, ..ForwardOptions::default() };
-        let model = &self.joint.model;
-        let solution = self.forward(model, (&*law, x), boundary, &options, ended)?;
+        let (Ok(law), Ok(materials)) = (self.unknowns.law_at(x), self.unknowns.materials_at(x)) else {
+            return Ok(None);
+        };
+        let own_model = materials.map(|materials| Arc::new(self.joint.model.with_materials(materials)));
+        let model = own_model.as_deref().unwrap_or(&self.joint.model);
+        let substrate_sensitivities = own_model.is_some();
+        let options = ForwardOptions { law_sensitivities: true, substrate_sensitivities, ..ForwardOptions::default() };
+        let mut solution = self.forward(model, (&*law, x), boundary, &options, ended)?;
+        self.unknowns.gather(&mut solution);
         self.watch.note_evaluation();
         let slopes = self.unknowns.slopes(x);
         let Observation { nodes, instants, force, .. } = &*self.observation;
@@ -160,8 +173,9 @@ impl Problem<'_> {
                 return Ok(None);
             }
             let measured = force.as_ref().and_then(|cell| Some((cell, cell.at(observed.index)?)));
-            let reaction = measured
-                .map(|(cell, force)| (cell.width_mm, force, cell.reaction(model, &*law, &instant.displacement)));
+            let reaction = measured.map(|(cell, force)| {
+                (cell.width_mm, force, self.reaction((cell, model), &*law, &instant.displacement))
+            });
             let of_force = |column: usize| match (&reaction, column) {
                 (None, _) => 0.0,
                 (Some((width, force, reaction)), 0) => force - width * reaction.value,
@@ -191,7 +205,28 @@ impl Problem<'_> {
             blocks.push(block);
         }
         let rescued = solution.instants.iter().any(|instant| instant.status == Status::Rescued);
-        Ok(Some(Evaluation { x: x.to_vec(), blocks, solution, rescued }))
+        Ok(Some(Evaluation { x: x.to_vec(), blocks, solution, rescued, own_model }))
+    }
+
+    /// A copy of the model that `evaluation` was made with, where parameters of its materials are fitted.
+    pub fn fitted_model(&self, evaluation: &Evaluation) -> Option<Model> {
+        evaluation.own_model.as_deref().cloned()
+    }
+
+    /// What the load cell sees of the displacements `u` of `model`; its derivatives by the fitted parameters of
+    /// materials are behind those by the law's.
+    pub(crate) fn reaction(
+        &self,
+        (cell, model): (&LoadCell, &Model),
+        law: &dyn CohesiveLaw,
+        u: &[[f64; 2]],
+    ) -> ReactionAt {
+        let mut reaction = cell.reaction(model, law, u);
+        for OfMaterial { groups, index } in self.unknowns.of_materials() {
+            let by: f64 = groups.iter().map(|&group| cell.by_material(model, group, u)[*index]).sum();
+            reaction.by_law.push(by / cell.width_mm);
+        }
+        reaction
     }
 
     /// The paper's weights, or those that are all one, each with the factor of its instant.
@@ -245,9 +280,10 @@ impl Problem<'_> {
         let columns = self.unit_motions();
         let by_boundary = |observed: &ObservedInstant| {
             let u = &evaluation.solution.instants[observed.index].displacement;
-            let fields = self.joint.model.linearise(&*law, u)?.by_boundary(columns.instants());
+            let model = evaluation.model(self);
+            let fields = model.linearise(&*law, u)?.by_boundary(columns.instants());
             let cell = observation.force.as_ref().filter(|cell| cell.at(observed.index).is_some());
-            let reaction = cell.map(|cell| (cell.width_mm, cell.reaction(&self.joint.model, &*law, u)));
+            let reaction = cell.map(|cell| (cell.width_mm, cell.reaction(model, &*law, u)));
             let force: Vec<f64> = (fields.iter())
                 .map(|field| reaction.as_ref().map_or(0.0, |(width, reaction)| width * reaction.change(field)))
                 .collect();

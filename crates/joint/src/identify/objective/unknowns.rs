@@ -1,6 +1,10 @@
 //! The parameters that are fitted, their bounds, and their scale.
 
+use crate::identify::FitError;
 use crate::mechanics::cohesive::{CohesiveLaw, LawError, LawLimit, Parameter};
+use crate::mechanics::substrate::{SubstrateError, SubstrateLaw};
+use crate::mechanics::{Instant, Sensitivity, Solution};
+use std::sync::Arc;
 
 /// How a parameter is scaled.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,7 +51,7 @@ impl Scale {
 pub struct Unknown {
     /// The parameter.
     pub parameter: Parameter,
-    /// Its place among the parameters of the law.
+    /// Its place among the parameters of the law, or behind them that among the fitted ones of materials.
     pub index: usize,
     /// Where the fit starts.
     pub start: f64,
@@ -57,30 +61,64 @@ pub struct Unknown {
     pub scale: Scale,
 }
 
-/// Which parameters of a law are fitted; the others keep their values.
+/// A parameter of the material of groups of elements, which share its value.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OfMaterial {
+    /// The groups.
+    pub groups: Vec<usize>,
+    /// Its place among the parameters of their material.
+    pub index: usize,
+}
+
+/// Which parameters of a law, and of the materials beside it, are fitted; the others keep their values.
 #[derive(Debug)]
 pub struct Unknowns {
     law: Box<dyn CohesiveLaw>,
     list: Vec<Unknown>,
+    /// One material for each group of elements; none where no parameter of theirs is fitted.
+    materials: Vec<Arc<dyn SubstrateLaw>>,
+    of_materials: Vec<OfMaterial>,
 }
 
 /// Without given bounds a parameter may move by this factor either way.
 pub const WIDE: f64 = 1e3;
 
-/// A parameter to be fitted: its index in the law, start, lower and upper bound.
+/// A parameter to be fitted: its index as of [`Unknown`], start, lower and upper bound.
 pub type Asked = (usize, f64, Option<f64>, Option<f64>);
 
 impl Unknowns {
-    /// The unknowns of `list`; where there is no bound, the start times or over
+    /// The unknowns of `list`, all of them parameters of `law`; where there is no bound, the start times or over
     /// [`WIDE`]. No bound lies outside the range of the law.
     ///
     /// # Errors
     /// A start that the law does not allow.
-    pub fn new(law: &dyn CohesiveLaw, list: &[Asked]) -> Result<Self, LawError> {
-        let mut values = law.values();
-        list.iter().for_each(|&(index, start, ..)| values[index] = start);
+    pub fn new(law: &dyn CohesiveLaw, list: &[Asked]) -> Result<Self, FitError> {
+        Self::with_materials(law, &[], Vec::new(), list)
+    }
+
+    /// The same with parameters of the `materials` of the groups of elements among them.
+    ///
+    /// # Errors
+    /// A start that law or material does not allow.
+    pub fn with_materials(
+        law: &dyn CohesiveLaw,
+        materials: &[Arc<dyn SubstrateLaw>],
+        of_materials: Vec<OfMaterial>,
+        list: &[Asked],
+    ) -> Result<Self, FitError> {
+        let n_law = law.parameters().len();
+        let (mut values, mut materials) = (law.values(), materials.to_vec());
+        for &(index, start, ..) in list {
+            match index.checked_sub(n_law) {
+                None => values[index] = start,
+                Some(k) => set(&mut materials, &of_materials[k], start)?,
+            }
+        }
         let law = law.with_values(&values)?;
         let unknown = |&(index, start, lower, upper): &Asked| {
+            if let Some(k) = index.checked_sub(n_law) {
+                return unknown_of_material(&materials, &of_materials[k], (index, start, lower, upper));
+            }
             let mut zero = values.clone();
             zero[index] = 0.0;
             let [least, most] = law.range(index);
@@ -97,29 +135,41 @@ impl Unknowns {
             let bounds = [lower.unwrap_or(wide[0]).max(least), upper.unwrap_or(wide[1]).min(most)];
             Unknown { parameter: law.parameters()[index], index, start, bounds, scale }
         };
-        Ok(Self { list: list.iter().map(unknown).collect(), law })
+        Ok(Self { list: list.iter().map(unknown).collect(), law, materials, of_materials })
     }
 
-    /// The same without those of the law's parameter `index`, which gets the value `x`.
+    /// The unknowns of `list` beside the parameters of `law`, of the same materials.
     ///
     /// # Errors
-    /// A value that the law does not allow.
-    pub fn with_prescribed(&self, index: usize, x: f64) -> Result<Self, LawError> {
-        let mut values = self.law.values();
-        values[index] = x;
+    /// As [`Unknowns::with_materials`].
+    pub fn of_list(&self, law: &dyn CohesiveLaw, list: &[Asked]) -> Result<Self, FitError> {
+        Self::with_materials(law, &self.materials, self.of_materials.clone(), list)
+    }
+
+    /// The same without the parameter `index`, which gets the value `x`.
+    ///
+    /// # Errors
+    /// A value that law or material does not allow.
+    pub fn with_prescribed(&self, index: usize, x: f64) -> Result<Self, FitError> {
+        let (mut values, mut materials) = (self.law.values(), self.materials.clone());
+        match index.checked_sub(values.len()) {
+            None => values[index] = x,
+            Some(k) => set(&mut materials, &self.of_materials[k], x)?,
+        }
         let law = self.law.with_values(&values)?;
         let list = self.list.iter().copied().filter(|unknown| unknown.index != index).collect();
-        Ok(Self { law, list })
+        Ok(Self { law, list, materials, of_materials: self.of_materials.clone() })
     }
 
     /// The same that start at `x`.
     ///
     /// # Errors
-    /// Values that the law does not allow.
-    pub fn starting_at(&self, x: &[f64]) -> Result<Self, LawError> {
+    /// Values that law or material does not allow.
+    pub fn starting_at(&self, x: &[f64]) -> Result<Self, FitError> {
         let mut list = self.list.clone();
         list.iter_mut().zip(x).for_each(|(unknown, &x)| unknown.start = x);
-        Ok(Self { law: self.law_at(x)?, list })
+        let materials = self.materials_at(x)?.unwrap_or_default();
+        Ok(Self { law: self.law_at(x)?, list, materials, of_materials: self.of_materials.clone() })
     }
 
     /// The unknowns.
@@ -143,8 +193,72 @@ impl Unknowns {
     /// Values that the law does not allow.
     pub fn law_at(&self, x: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
         let mut values = self.law.values();
-        self.list.iter().zip(x).for_each(|(unknown, &x)| values[unknown.index] = x);
+        for (unknown, &x) in self.list.iter().zip(x) {
+            values.get_mut(unknown.index).into_iter().for_each(|value| *value = x);
+        }
         self.law.with_values(&values)
+    }
+
+    /// The fitted parameters of materials, which lie behind those of the law.
+    pub fn of_materials(&self) -> &[OfMaterial] {
+        &self.of_materials
+    }
+
+    /// The materials of all groups with the unknowns at `x`; `None` where no parameter of theirs is one.
+    ///
+    /// # Errors
+    /// Values that a material does not allow.
+    pub fn materials_at(&self, x: &[f64]) -> Result<Option<Vec<Arc<dyn SubstrateLaw>>>, SubstrateError> {
+        if self.of_materials.is_empty() {
+            return Ok(None);
+        }
+        let (n_law, mut materials) = (self.law.parameters().len(), self.materials.clone());
+        for (unknown, &x) in self.list.iter().zip(x) {
+            if let Some(k) = unknown.index.checked_sub(n_law) {
+                set(&mut materials, &self.of_materials[k], x)?;
+            }
+        }
+        Ok(Some(materials))
+    }
+
+    /// Whether the parameter `of` is an unknown.
+    pub fn fits_material(&self, of: &OfMaterial) -> bool {
+        let n_law = self.law.parameters().len();
+        let is_it = |unknown: &Unknown| unknown.index.checked_sub(n_law).is_some_and(|k| self.of_materials[k] == *of);
+        self.list.iter().any(is_it)
+    }
+
+    /// Brings the sensitivities of `solution`, by the law and by all parameters of all materials, to the order of the
+    /// unknowns' indices.
+    pub(crate) fn gather(&self, solution: &mut Solution) {
+        let n_law = self.law.parameters().len();
+        if self.of_materials.is_empty() {
+            return;
+        }
+        let n_parameters = |group: usize| self.materials[group].parameters().len();
+        let place = |group: usize, index: usize| n_law + (0..group).map(n_parameters).sum::<usize>() + index;
+        for Instant { sensitivities, .. } in &mut solution.instants {
+            if sensitivities.is_empty() {
+                continue;
+            }
+            for (k, OfMaterial { groups, index }) in self.of_materials.iter().enumerate() {
+                let mut sum = vec![[0.0; 2]; sensitivities[0].len()];
+                for &group in groups {
+                    let by = &sensitivities[place(group, *index)];
+                    sum.iter_mut().zip(by).for_each(|(sum, by)| (0..2).for_each(|c| sum[c] += by[c]));
+                }
+                sensitivities.push(sum);
+                let last = sensitivities.len() - 1;
+                debug_assert_eq!(last, place(self.materials.len(), 0) + k);
+            }
+            sensitivities.drain(n_law..place(self.materials.len(), 0));
+        }
+        let by_material = |of: &OfMaterial| Sensitivity {
+            parameter: self.materials[of.groups[0]].parameters()[of.index],
+            group: Some(of.groups[0]),
+        };
+        solution.parameters.truncate(n_law);
+        solution.parameters.extend(self.of_materials.iter().map(by_material));
     }
 
     /// The scaled unknowns.
@@ -175,7 +289,9 @@ impl Unknowns {
         let Ok(law) = self.law_at(x) else { return Vec::new() };
         let slopes = self.slopes(x);
         let of_unknowns = |limit: LawLimit| LawLimit {
-            by: self.list.iter().zip(&slopes).map(|(unknown, slope)| slope * limit.by[unknown.index]).collect(),
+            by: (self.list.iter().zip(&slopes))
+                .map(|(unknown, slope)| slope * limit.by.get(unknown.index).copied().unwrap_or(0.0))
+                .collect(),
             ..limit
         };
         law.limits().into_iter().map(of_unknowns).filter(|limit| limit.by.iter().any(|by| *by != 0.0)).collect()
@@ -195,6 +311,41 @@ impl Unknowns {
     pub fn scaled_bounds(&self) -> [Vec<f64>; 2] {
         [0, 1].map(|side| self.list.iter().map(|unknown| unknown.scale.scaled(unknown.bounds[side])).collect())
     }
+}
+
+/// Gives a parameter of materials the value `x`.
+fn set(materials: &mut [Arc<dyn SubstrateLaw>], of: &OfMaterial, x: f64) -> Result<(), SubstrateError> {
+    for &group in &of.groups {
+        let mut values = materials[group].values();
+        values[of.index] = x;
+        materials[group] = Arc::from(materials[group].with_values(&values)?);
+    }
+    Ok(())
+}
+
+/// Bounds of a ratio that may have either sign: Poisson's.
+const RATIO: [f64; 2] = [-0.95, 0.495];
+
+/// A parameter of materials that start with it as asked.
+fn unknown_of_material(
+    materials: &[Arc<dyn SubstrateLaw>],
+    of: &OfMaterial,
+    (index, start, lower, upper): Asked,
+) -> Unknown {
+    let material = &materials[of.groups[0]];
+    let allows = |x: f64| {
+        let mut values = material.values();
+        values[of.index] = x;
+        material.with_values(&values).is_ok()
+    };
+    let size = start.abs().max(0.1);
+    let (scale, wide) = match (allows(0.0), allows(1.0)) {
+        (false, _) => (Scale::Logarithm, [start / WIDE, start * WIDE]),
+        (true, false) => (Scale::Reference(size), RATIO),
+        (true, true) => (Scale::Reference(size), [if allows(-1.0) { -WIDE * size } else { 0.0 }, WIDE * size]),
+    };
+    let bounds = [lower.unwrap_or(wide[0]), upper.unwrap_or(wide[1])];
+    Unknown { parameter: material.parameters()[of.index], index, start, bounds, scale }
 }
 
 #[cfg(test)]

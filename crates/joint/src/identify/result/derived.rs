@@ -25,6 +25,9 @@ const NO_GROWTH: f64 = 1e-4;
 /// Peaks and initial stiffnesses of a law; `phi_t`, the work of separation in sliding, of laws that it is no parameter
 /// of; the work up to the `furthest` jump of the joint (THEORY 11).
 pub fn derived(law: &dyn CohesiveLaw, furthest: Option<Jump>) -> Vec<Derived> {
+    if law.parameters().is_empty() {
+        return Vec::new();
+    }
     let (peak, tangent) = (law.peak(), law.response(Jump::default()).tangent);
     let mut list = Vec::new();
     if let Some(value) = law.sliding_work() {

@@ -13,12 +13,12 @@ impl Problem<'_> {
             .map(|(index, p)| format!("{} = {}", p.name, quantity(values[index], p.unit)))
             .collect();
         let model = &self.joint.model;
-        let materials: Vec<Vec<String>> = (model.materials().iter())
-            .map(|law| {
-                let named = |(p, v): (&crate::mechanics::cohesive::Parameter, f64)| {
-                    format!("{} = {}", p.name, quantity(v, p.unit))
-                };
-                law.parameters().iter().zip(law.values()).map(named).collect()
+        let of_materials = self.unknowns.of_materials();
+        let materials: Vec<Vec<String>> = (model.materials().iter().enumerate())
+            .map(|(group, law)| {
+                let is_fitted = |k: usize| of_materials.iter().any(|of| of.index == k && of.groups.contains(&group));
+                let values = law.parameters().iter().zip(law.values()).enumerate().filter(|(k, _)| !is_fitted(*k));
+                values.map(|(_, (p, v))| format!("{} = {}", p.name, quantity(v, p.unit))).collect()
             })
             .collect();
         let alike = materials.windows(2).all(|pair| pair[0] == pair[1]);
@@ -28,7 +28,8 @@ impl Problem<'_> {
                 break;
             }
         }
-        given.push(format!("thickness = {}", quantity(model.mesh().gap(), "mm")));
+        let has_adhesive = !model.mesh().interfaces().is_empty();
+        given.extend(has_adhesive.then(|| format!("thickness = {}", quantity(model.mesh().gap(), "mm"))));
         given.extend(self.observation.pixel_size_mm.map(|mm| format!("1 px = {}", quantity(mm, "mm"))));
         given
     }

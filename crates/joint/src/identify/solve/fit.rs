@@ -485,7 +485,7 @@ fn widen_to_minima(
     };
     for (k, p) in parameters.iter_mut().enumerate() {
         let index = unknowns.list()[k].index;
-        let allowed = axes.allowed().iter().map(|law| law.values()[index]).collect();
+        let allowed = axes.allowed().iter().filter_map(|law| law.values().get(index).copied()).collect();
         p.set_ends(ends(p.value, p.bias, budget.parameter(k).others, p.ends95, allowed));
     }
     for (k, q) in derived.iter_mut().enumerate() {

@@ -121,7 +121,7 @@ pub(crate) fn start_law(name: &str, like: &dyn CohesiveLaw) -> Result<Unknowns, 
         .filter(|(_, p)| !kept(p.name))
         .map(|(index, _)| (index, values[index], None, None))
         .collect();
-    Ok(Unknowns::new(&*law, &list)?)
+    Unknowns::new(&*law, &list)
 }
 
 #[cfg(test)]

@@ -17,12 +17,24 @@ pub struct Local {
     pub rescued: bool,
 }
 
+/// Least eigenvalue of a normal matrix of unit diagonal that is more than round-off.
+const NOTHING: f64 = 1e-11;
+
 impl Local {
     /// The same by a factor.
     pub(crate) fn times(self, factor: f64) -> Self {
         let b = self.b.iter().map(|b| factor * b).collect();
         let h = Dense::from_fn(self.h.n_rows(), self.h.n_rows(), |r, c| factor * self.h[(r, c)]);
         Self { omega: factor * self.omega, b, h, rescued: self.rescued }
+    }
+
+    /// Whether some combination of the unknowns changes nothing beyond round-off.
+    pub(crate) fn is_singular(&self) -> bool {
+        let n = self.b.len();
+        let size: Vec<f64> = (0..n).map(|k| self.h[(k, k)].sqrt()).collect();
+        let unit = Dense::from_fn(n, n, |r, c| self.h[(r, c)] / (size[r] * size[c]));
+        // Of one that nothing depends on there is no number.
+        n > 0 && !unit.symmetric_eigen().is_some_and(|(values, _)| values[0] > NOTHING)
     }
 
     /// Those of the weighted Jacobian by the scaled unknowns, falling.

@@ -7,6 +7,7 @@ mod dual;
 mod exponential_damage;
 mod extended_xu_needleman;
 mod mixed_mode;
+mod no_adhesive;
 mod park_paulino_roesler;
 mod secants;
 mod smith_ferrante;
@@ -18,6 +19,7 @@ pub use bilinear::Bilinear;
 pub use exponential_damage::ExponentialDamage;
 pub use extended_xu_needleman::ExtendedXuNeedleman;
 pub use mixed_mode::MixedModeCriterion;
+pub use no_adhesive::NoAdhesive;
 pub use park_paulino_roesler::ParkPaulinoRoesler;
 pub use smith_ferrante::SmithFerrante;
 pub use touching::Touching;
@@ -242,7 +244,7 @@ pub struct LawKind {
     pub make: MakeLaw,
 }
 
-/// Every kind of law.
+/// Every kind of law of an adhesive.
 static KINDS: [&LawKind; 9] = [
     &extended_xu_needleman::KIND,
     &xu_needleman::KIND,
@@ -276,7 +278,7 @@ pub const USUAL_LAWS: [&str; 6] = [
 ];
 
 fn kind_by_name(name: &str) -> Result<&'static LawKind, LawError> {
-    let kind = KINDS.into_iter().find(|kind| kind.name == name);
+    let kind = KINDS.into_iter().chain([&no_adhesive::KIND]).find(|kind| kind.name == name);
     kind.ok_or_else(|| LawError::Unknown { name: name.to_owned() })
 }
 

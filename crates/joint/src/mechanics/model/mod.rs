@@ -36,7 +36,7 @@ pub struct ModelOptions {
 ///
 /// # Panics
 /// Its methods, when a field (`u`, `by`) has not one displacement per node.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Model {
     mesh: JointMesh,
     materials: Vec<Arc<dyn SubstrateLaw>>,
@@ -337,6 +337,15 @@ impl Model {
         })
     }
 
+    /// The same with other materials for its groups of elements.
+    ///
+    /// # Panics
+    /// When there is not one material for each group.
+    pub fn with_materials(&self, materials: Vec<Arc<dyn SubstrateLaw>>) -> Self {
+        assert_eq!(materials.len(), self.materials.len(), "one material for each group");
+        Self { materials, ..self.clone() }
+    }
+
     /// The mesh.
     pub fn mesh(&self) -> &JointMesh {
         &self.mesh
@@ -345,6 +354,11 @@ impl Model {
     /// The material of each group.
     pub fn materials(&self) -> &[Arc<dyn SubstrateLaw>] {
         &self.materials
+    }
+
+    /// The materials, and the names of the groups of elements that they are of.
+    pub fn groups_of_materials(&self) -> (&[Arc<dyn SubstrateLaw>], &[String]) {
+        (&self.materials, self.mesh.groups())
     }
 
     /// How it is modelled.
