@@ -53,6 +53,7 @@ study: ## Uncertainty, identification over many seeds and draws, obstacles, for 
 	-$(PYTHON) scripts/status.py
 	-$(PYTHON) scripts/camera.py
 	-scripts/reduction.py --output out/study/reduction
+	-scripts/constants.py
 
 fuzz: ## Attack all readers of files, guided by coverage, SECONDS=3600 for each; findings in out/fuzz
 	scripts/fuzz.sh $(or $(SECONDS),3600)
