@@ -1,7 +1,7 @@
 //! The load cell: beside the fields in a fit, alone, and held against the prediction (THEORY 15).
 
 use crate::mechanics_common;
-use mechanics_common::{adhesive, aluminium, assert_close, measured_table};
+use mechanics_common::{adhesive, aluminium, assert_close, border_table, measured_table};
 use quadrille::identify::{Case, Fit, Outcome, bands, fit};
 use quadrille::io::case::BoundaryNoise;
 use quadrille::io::joint::read_joint;
@@ -50,17 +50,6 @@ fn pulled() -> &'static Pulled {
         let forces = fields.iter().map(|u| model.reactions(&law, u, &groups)[1][1]).collect();
         Pulled { mesh, boundary, fields, forces }
     })
-}
-
-fn border_table(mesh: &JointMesh, nodes: &[u32], fields: &[Vec<[f64; 2]>]) -> String {
-    let mut text = "instant,node,x_mm,y_mm,ux_mm,uy_mm\n".to_owned();
-    for (k, field) in fields.iter().enumerate() {
-        for &node in nodes {
-            let ([x, y], u) = (mesh.nodes()[node as usize], field[node as usize]);
-            writeln!(text, "{},{node},{x},{y},{:.17e},{:.17e}", k + 1, u[0], u[1]).unwrap();
-        }
-    }
-    text
 }
 
 /// What a case is made of.
@@ -529,7 +518,7 @@ fn a_load_cell_gives_the_modulus_of_the_strips_beside_the_law() {
     let (mut held, mut n) = (0, 0);
     for seed in 1..=4 {
         let exact = fitted(&Set { seed, ..BOTH }, |_, found| found.parameters[0].std.expect("known"));
-        fitted(&Set { seed, ..WITH_E }, |case, found| {
+        fitted(&Set { seed, ..WITH_E }, |_, found| {
             assert_eq!(found.verdict.outcome, Outcome::Determined, "{:?}", found.verdict.sentences);
             assert!(found.budget.lines.iter().all(|line| line.name != "E"), "{:?}", found.budget);
             assert!(!found.verdict.sentences.join(" ").contains("E = 72 GPa"), "{:?}", found.verdict.sentences);
@@ -542,7 +531,7 @@ fn a_load_cell_gives_the_modulus_of_the_strips_beside_the_law() {
             // What it costs not to know the modulus; each fit has its own noise to first order at its own end.
             let wider = found.parameters[0].std.expect("known") / exact;
             assert!((0.97..1.2).contains(&wider), "phi_n is {wider} times as uncertain");
-            let model = case.problem.fitted_model(&found.evaluation).expect("its own");
+            let model = found.evaluation.fitted_model().expect("its own");
             assert_eq!(model.materials()[0].values()[0], found.parameters[3].value);
         });
     }

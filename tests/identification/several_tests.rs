@@ -1,6 +1,8 @@
 //! Several tests in one fit: information that adds, what each test determines, what is missing, and what is said of
 //! tests that do not go together.
 
+use crate::mechanics_common;
+use mechanics_common::{border_table, measured_table};
 use quadrille::identify::{
     Case, CombinedCase, CombinedFit, Fit, FitError, FittedParameter, Outcome, fit, fit_combined, opening_share,
 };
@@ -101,21 +103,11 @@ fn write_test_with(
 ) {
     std::fs::create_dir_all(folder).unwrap();
     let mesh = mesh(size);
-    let mut border = "instant,node,x_mm,y_mm,ux_mm,uy_mm\n".to_owned();
-    let mut measured = "instant,node,ux_mm,uy_mm\n".to_owned();
     let mut random = ChaCha8Rng::seed_from_u64(seed + 1000 * loading as u64);
-    let mut drawn = || noise * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut random);
-    for (k, field) in fields(loading, size).iter().enumerate() {
-        for node in mesh.outer_nodes() {
-            let ([x, y], u) = (mesh.nodes()[node as usize], field[node as usize]);
-            writeln!(border, "{},{node},{x},{y},{:.17e},{:.17e}", k + 1, u[0], u[1]).unwrap();
-        }
-        for (node, u) in field.iter().enumerate() {
-            writeln!(measured, "{},{node},{:.17e},{:.17e}", k + 1, u[0] + drawn(), u[1] + drawn()).unwrap();
-        }
-    }
-    std::fs::write(folder.join("border.csv"), border).unwrap();
-    std::fs::write(folder.join("measured.csv"), measured).unwrap();
+    let drawn = || noise * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut random);
+    let fields = fields(loading, size);
+    std::fs::write(folder.join("border.csv"), border_table(&mesh, &mesh.outer_nodes(), fields)).unwrap();
+    std::fs::write(folder.join("measured.csv"), measured_table(fields, drawn)).unwrap();
     let ([e, nu, sigma_0, alpha, n], Size { columns, rows, .. }) = (ALUMINIUM, size);
     let text = format!(
         "[mesh]\nelement_size_mm = {SIZE}\ncolumns = {columns}\nrows = {rows}\ngap_mm = {GAP}\n[boundary]\nfile = \"border.csv\"\n\
@@ -370,6 +362,51 @@ fn a_constant_of_the_strips_is_one_for_all_tests_or_each_test_s_own() {
         let scale = 0.05 * predicted.abs() + 1e-4 * value(&shared, k).abs();
         assert!((found - predicted).abs() < scale, "parameter {k}: {found} for {predicted}");
     }
+}
+
+#[test]
+fn a_modulus_is_fitted_to_several_tests_of_the_same_strips() {
+    let folder = tempfile::tempdir().unwrap();
+    let parameters = "parameters = [\"delta_n\", \"delta_t\", \"r\", \"E\"]\n";
+    // Fields alone tell the modulus where the work of separation is known.
+    let known =
+        |text: String| text.replace("phi_n_N_per_mm = 1.2", "phi_n_N_per_mm = 1").replace(PARAMETERS, parameters);
+    for (name, loading) in [("opening", Loading::Opening), ("sliding", Loading::Sliding)] {
+        write_test_with(&folder.path().join(name), (loading, SMALL), NOISE, 12, known);
+    }
+    write_combined(folder.path(), &["opening", "sliding"], "start = { E = 66000 }\n");
+    let all = folder.path().join("all.toml");
+    std::fs::write(&all, std::fs::read_to_string(&all).unwrap().replace(PARAMETERS, parameters)).unwrap();
+    let (found, _) = fitted_together(folder.path());
+    let fit = found.fit();
+    assert_eq!(fit.verdict.outcome, Outcome::Determined, "{:?}", fit.verdict.sentences);
+    let names: Vec<&str> = fit.budget.lines.iter().map(|line| line.name.as_str()).collect();
+    assert!(names.contains(&"noise") && !names.iter().any(|name| name.starts_with("E ") || *name == "E"), "{names:?}");
+    for (k, (p, truth)) in fit.parameters.iter().zip([TRUTH[1], TRUTH[2], TRUTH[3], ALUMINIUM[0]]).enumerate() {
+        let std = p.std_noise.unwrap();
+        assert!((p.value - truth).abs() < 4.0 * std && std < 0.2 * truth, "{p:?}");
+        let alone = found.tests.iter().filter_map(|test| test.share.std_alone[k]).fold(f64::INFINITY, f64::min);
+        assert!(std < alone, "{}: {std}, by the better test alone {alone}", p.parameter.name);
+    }
+    // Strips of another metal are not the same unknown, and what is known of a fitted modulus is named.
+    let path = folder.path().join("sliding/case.toml");
+    let case = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(
+        &path,
+        case.replace("E_MPa = 72000.0", "E_MPa = 72000.0\nE_MPa_std = 700.0").replacen(
+            "exact = true",
+            "exact = [\"nu\"]",
+            1,
+        ),
+    )
+    .unwrap();
+    let (_, remarks) = fitted_together(folder.path());
+    assert!(remarks.iter().any(|r| r.text.contains("[substrate] E_MPa_std is not used: E is fitted")), "{remarks:?}");
+    std::fs::write(&path, case.replace("E_MPa = 72000.0", "E_MPa = 210000.0")).unwrap();
+    let error = combined(&read(folder.path()).unwrap()).unwrap_err();
+    let said = error.to_string();
+    assert!(matches!(error, FitError::LawsDiffer { .. }), "{error:?}");
+    assert!(said.contains("E = 72000 and 210000 in [substrate], and one E is fitted to both"), "{said}");
 }
 
 #[test]

@@ -153,18 +153,24 @@ pub fn pulled(columns: usize, rows: usize, n: u32, uneven: f64) -> Pulled {
         [side * 0.004 * t, side * uneven * t * (0.1 + 4.0 * x)]
     };
     let instants: Vec<Vec<[f64; 2]>> = (1..=n).map(|k| nodes.iter().map(|&node| at(k, node)).collect()).collect();
-    let mut border = "instant,node,x_mm,y_mm,ux_mm,uy_mm\n".to_owned();
-    for (k, values) in instants.iter().enumerate() {
-        for (&node, u) in nodes.iter().zip(values) {
-            let [x, y] = mesh.nodes()[node as usize];
-            border += &format!("{},{node},{x},{y},{:e},{:e}\n", k + 1, u[0], u[1]);
-        }
-    }
     let boundary = BoundaryHistory::new(nodes.clone(), instants).unwrap();
     let model = Model::new(mesh, aluminium(2), &nodes, ModelOptions::default()).unwrap();
     let law = ExtendedXuNeedleman::new(1.0, 0.005, 0.05, 4.0).unwrap();
     let solution = model.forward(&law, &boundary, &ForwardOptions::default()).unwrap();
-    Pulled { border, fields: solution.instants.into_iter().map(|instant| instant.displacement).collect() }
+    let fields: Vec<_> = solution.instants.into_iter().map(|instant| instant.displacement).collect();
+    Pulled { border: border_table(model.mesh(), &nodes, &fields), fields }
+}
+
+/// The table of displacements of the prescribed `nodes`.
+pub fn border_table(mesh: &JointMesh, nodes: &[u32], fields: &[Vec<[f64; 2]>]) -> String {
+    let mut table = "instant,node,x_mm,y_mm,ux_mm,uy_mm\n".to_owned();
+    for (k, field) in fields.iter().enumerate() {
+        for &node in nodes {
+            let ([x, y], u) = (mesh.nodes()[node as usize], field[node as usize]);
+            table += &format!("{},{node},{x},{y},{:.17e},{:.17e}\n", k + 1, u[0], u[1]);
+        }
+    }
+    table
 }
 
 /// The table of displacements of all nodes, each with an error of its own, mm.

@@ -95,7 +95,7 @@ pub fn identify(
     }
     // The joint of the fit, for everything that `simulate` writes.
     let law = of_case.problem.unknowns.law_at(&found.evaluation.x)?;
-    let fitted_model = of_case.problem.fitted_model(&found.evaluation);
+    let fitted_model = found.evaluation.fitted_model();
     joint.law = law;
     fitted_model.into_iter().for_each(|model| joint.model = model);
     let j_integrals = joint.model.j_integrals(&*joint.law, found.solution());

@@ -64,7 +64,7 @@ pub fn identify_several(
     let laws = of_tests
         .map(|(of, test)| {
             let (problem, evaluation) = (&of.case.problem, &test.fit.evaluation);
-            problem.unknowns.law_at(&evaluation.x).map(|law| (law, problem.fitted_model(evaluation)))
+            problem.unknowns.law_at(&evaluation.x).map(|law| (law, evaluation.fitted_model()))
         })
         .collect::<std::result::Result<Vec<_>, _>>()?;
     drop(reports);

@@ -24,6 +24,13 @@ pub struct CaseSubstrate {
     pub groups: BTreeMap<String, CaseMaterial>,
 }
 
+impl CaseSubstrate {
+    /// Places of those of `groups` that have no section of their own.
+    pub fn without_own(&self, groups: &[String]) -> Vec<usize> {
+        groups.iter().enumerate().filter(|(_, name)| !self.groups.contains_key(*name)).map(|(place, _)| place).collect()
+    }
+}
+
 /// One material.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, JsonSchema)]
 pub struct CaseMaterial {

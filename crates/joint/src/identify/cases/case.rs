@@ -125,11 +125,9 @@ impl<'a> Case<'a> {
         let Some(table) = &case.fit else {
             return Err(missing("fit", "give parameters = [\"phi_n\", \"delta_n\", \"delta_t\"]"));
         };
-        let mut found = Vec::new();
-        if table.shared.is_some() {
-            found.push(remarks::shared_unused());
-        }
-        let unknowns = unknowns(&*joint.law, joint.model.groups_of_materials(), &case.substrate, table)?;
+        let mut found = Vec::from_iter(table.shared.as_ref().map(|_| remarks::shared_unused()));
+        let unknowns =
+            unknowns(&*joint.law, (joint.model.materials(), joint.model.mesh().groups()), &case.substrate, table)?;
         if joint.law.has_own_minima() && table.intervals == Some(Intervals::Linear) {
             found.push(remarks::own_minima(joint.law.name()));
         }
@@ -356,7 +354,7 @@ fn unknowns(
     table: &CaseFit,
 ) -> Result<Unknowns, FitError> {
     // Groups with a table of their own keep what that says.
-    let groups: Vec<usize> = (0..names.len()).filter(|&group| !substrate.groups.contains_key(&names[group])).collect();
+    let groups = substrate.without_own(names);
     let material = groups.first().map(|&first| &materials[first]);
     let of_law = law.parameters().iter().map(|p| p.name);
     let of_material = material.iter().flat_map(|material| material.parameters()).map(|p| p.name);

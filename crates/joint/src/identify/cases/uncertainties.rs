@@ -125,7 +125,7 @@ pub(crate) fn constants(
     force: Option<&LoadCell>,
     found: &mut Vec<Remark>,
 ) -> Result<Vec<Constant>, FitError> {
-    let mut list = materials(joint, &input.case.substrate)?;
+    let mut list = materials(joint, &input.case.substrate, fit, found)?;
     list.extend(law(joint, &input.case.cohesive, fit, found)?);
     list.extend(lengths(joint, mm_per_px(input), fit, measurement)?);
     list.extend(camera(input, fit)?);
@@ -167,11 +167,16 @@ fn width(input: &JointInput, fit: &CaseFit, cell: &LoadCell) -> Result<Constant,
     Ok(constant(WIDTH, ConstantKind::Width, Some(cell.width_mm), "mm", (std, source)))
 }
 
-fn materials(joint: &Joint, substrate: &CaseSubstrate) -> Result<Vec<Constant>, FitError> {
+fn materials(
+    joint: &Joint,
+    substrate: &CaseSubstrate,
+    fit: &CaseFit,
+    found: &mut Vec<Remark>,
+) -> Result<Vec<Constant>, FitError> {
     let section = "substrate";
     let (model, groups) = (&joint.model, joint.model.mesh().groups());
     let CaseSubstrate { common, groups: own } = substrate;
-    let shared: Vec<usize> = (0..groups.len()).filter(|&g| !own.contains_key(&groups[g])).collect();
+    let shared = substrate.without_own(groups);
     if shared.is_empty()
         && let Some(key) = common.values.keys().find(|key| key.ends_with(STD))
     {
@@ -188,6 +193,12 @@ fn materials(joint: &Joint, substrate: &CaseSubstrate) -> Result<Vec<Constant>, 
             let exact = exact_of(section, exact, &names)?;
             for (index, (p, value)) in material.parameters().iter().zip(material.values()).enumerate() {
                 let key = format!("{}{STD}", p.key());
+                let stated = std_of(section, &given.values, &key)?;
+                // Only those of [substrate] itself can be fitted.
+                if suffix.is_empty() && fit.parameters.iter().any(|name| name == p.name) {
+                    found.extend(stated.map(|_| uncertainty_unused(section, &key, p.name)));
+                    continue;
+                }
                 let default = match p.name {
                     "E" | "E_1" | "E_2" | "E_3" | "G_12" => DEFAULT_E * value,
                     "nu" | "nu_12" | "nu_13" | "nu_23" => DEFAULT_NU,
@@ -195,7 +206,7 @@ fn materials(joint: &Joint, substrate: &CaseSubstrate) -> Result<Vec<Constant>, 
                     "alpha" => DEFAULT_ALPHA * value,
                     _ => DEFAULT_YIELD * value,
                 };
-                let std = choose(section, &key, std_of(section, &given.values, &key)?, exact[index], Some(default))?;
+                let std = choose(section, &key, stated, exact[index], Some(default))?;
                 let kind = ConstantKind::Material { groups: members.clone(), index };
                 list.push(constant(format!("{}{suffix}", p.name), kind, Some(value), p.unit, std));
             }
@@ -220,9 +231,7 @@ fn law(joint: &Joint, given: &CaseCohesive, fit: &CaseFit, found: &mut Vec<Remar
         let key = format!("{}{STD}", p.key());
         let stated = std_of(section, &given.values, &key)?;
         if fit.parameters.iter().any(|name| name == p.name) {
-            if stated.is_some() {
-                found.push(uncertainty_unused(section, &key, p.name));
-            }
+            found.extend(stated.map(|_| uncertainty_unused(section, &key, p.name)));
             continue;
         }
         let default = DEFAULT_LAW * value.abs();

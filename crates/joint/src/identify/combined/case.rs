@@ -135,6 +135,13 @@ fn same_law(joints: &[Joint], input: &TestsInput) -> Result<(), FitError> {
         if a.name() != b.name() {
             return Err(differ(format!("{} and {}", a.name(), b.name())));
         }
+        for name in &input.fit.parameters {
+            if let [Some(x), Some(y)] = [(first, &input.tests[0]), (joint, test)].map(|of| of_strips(of, name))
+                && x != y
+            {
+                return Err(differ(format!("{name} = {x} and {y} in [substrate], and one {name} is fitted to both")));
+            }
+        }
         let (of_a, of_b) = (first.model.options(), joint.model.options());
         if of_a.kinematics != of_b.kinematics {
             return Err(differ(format!(
@@ -151,6 +158,15 @@ fn same_law(joints: &[Joint], input: &TestsInput) -> Result<(), FitError> {
         }
     }
     Ok(())
+}
+
+/// Value of the parameter `name` of the strips that have no table of their own.
+fn of_strips((joint, test): (&Joint, &TestInput), name: &str) -> Option<f64> {
+    let model = &joint.model;
+    let group = *test.input.case.substrate.without_own(model.mesh().groups()).first()?;
+    let material = &model.materials()[group];
+    let place = material.parameters().iter().position(|p| p.name == name)?;
+    material.values().get(place).copied()
 }
 
 /// Two scales of the same images.

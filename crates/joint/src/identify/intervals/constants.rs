@@ -4,7 +4,7 @@
 //! the change of the internal forces when the constant moves, solved for the free nodes. No further forward run is
 //! needed.
 
-use crate::identify::{Evaluation, LoadCell, ObservedInstant, OfMaterial, Problem, Statistics};
+use crate::identify::{Evaluation, LoadCell, ObservedInstant, Problem, Statistics};
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump};
 use crate::mechanics::{Instant, JointMesh, JointParts, Kinematics, Linearised, Model, NodalField, ReactionAt};
@@ -416,13 +416,7 @@ impl Problem<'_> {
 
     /// Whether a constant is among the unknowns.
     pub(crate) fn is_fitted(&self, kind: &ConstantKind) -> bool {
-        match kind {
-            ConstantKind::Law { index } => self.unknowns.list().iter().any(|u| u.index == *index),
-            ConstantKind::Material { groups, index } => {
-                self.unknowns.fits_material(&OfMaterial { groups: groups.clone(), index: *index })
-            }
-            _ => false,
-        }
+        matches!(kind, ConstantKind::Law { index } if self.unknowns.list().iter().any(|u| u.index == *index))
     }
 }
 

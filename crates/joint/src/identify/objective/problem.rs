@@ -71,6 +71,11 @@ impl Evaluation {
         self.own_model.as_deref().unwrap_or(&problem.joint.model)
     }
 
+    /// A copy of that model, where parameters of its materials are fitted.
+    pub fn fitted_model(&self) -> Option<Model> {
+        self.own_model.as_deref().cloned()
+    }
+
     /// The residual alone, a column for each instant.
     pub fn residual(&self) -> Vec<Dense> {
         self.blocks.iter().map(|block| Dense::from_fn(block.n_rows(), 1, |r, _| block[(r, 0)])).collect()
@@ -206,11 +211,6 @@ impl Problem<'_> {
         }
         let rescued = solution.instants.iter().any(|instant| instant.status == Status::Rescued);
         Ok(Some(Evaluation { x: x.to_vec(), blocks, solution, rescued, own_model }))
-    }
-
-    /// A copy of the model that `evaluation` was made with, where parameters of its materials are fitted.
-    pub fn fitted_model(&self, evaluation: &Evaluation) -> Option<Model> {
-        evaluation.own_model.as_deref().cloned()
     }
 
     /// What the load cell sees of the displacements `u` of `model`; its derivatives by the fitted parameters of

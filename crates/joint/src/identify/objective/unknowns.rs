@@ -221,13 +221,6 @@ impl Unknowns {
         Ok(Some(materials))
     }
 
-    /// Whether the parameter `of` is an unknown.
-    pub fn fits_material(&self, of: &OfMaterial) -> bool {
-        let n_law = self.law.parameters().len();
-        let is_it = |unknown: &Unknown| unknown.index.checked_sub(n_law).is_some_and(|k| self.of_materials[k] == *of);
-        self.list.iter().any(is_it)
-    }
-
     /// Brings the sensitivities of `solution`, by the law and by all parameters of all materials, to the order of the
     /// unknowns' indices.
     pub(crate) fn gather(&self, solution: &mut Solution) {
@@ -241,15 +234,13 @@ impl Unknowns {
             if sensitivities.is_empty() {
                 continue;
             }
-            for (k, OfMaterial { groups, index }) in self.of_materials.iter().enumerate() {
+            for OfMaterial { groups, index } in &self.of_materials {
                 let mut sum = vec![[0.0; 2]; sensitivities[0].len()];
                 for &group in groups {
                     let by = &sensitivities[place(group, *index)];
                     sum.iter_mut().zip(by).for_each(|(sum, by)| (0..2).for_each(|c| sum[c] += by[c]));
                 }
                 sensitivities.push(sum);
-                let last = sensitivities.len() - 1;
-                debug_assert_eq!(last, place(self.materials.len(), 0) + k);
             }
             sensitivities.drain(n_law..place(self.materials.len(), 0));
         }

@@ -356,11 +356,6 @@ impl Model {
         &self.materials
     }
 
-    /// The materials, and the names of the groups of elements that they are of.
-    pub fn groups_of_materials(&self) -> (&[Arc<dyn SubstrateLaw>], &[String]) {
-        (&self.materials, self.mesh.groups())
-    }
-
     /// How it is modelled.
     pub fn options(&self) -> &ModelOptions {
         &self.options
