@@ -1,7 +1,7 @@
 //! One body without an adhesive: constants of its material from its own displacements and a force (THEORY 24).
 
 use crate::mechanics_common;
-use mechanics_common::measured_table;
+use mechanics_common::{border_table, measured_table};
 use quadrille::identify::{Case, Fit, Outcome, fit};
 use quadrille::io::case::PlaneState;
 use quadrille::io::joint::read_joint;
@@ -84,14 +84,7 @@ fn write_case(folder: &Path, pulled: &Pulled, seed: u64, substrate: &str, force:
     let noise = if seed == 0 { 0.0 } else { 1.0 };
     let mesh_text = serde_json::json!({ "nodes": mesh.nodes(), "quads": mesh.elements() });
     std::fs::write(folder.join("mesh.json"), mesh_text.to_string()).unwrap();
-    let mut border = "instant,node,x_mm,y_mm,ux_mm,uy_mm\n".to_owned();
-    for (k, field) in fields.iter().enumerate() {
-        for &node in ends {
-            let ([x, y], u) = (mesh.nodes()[node as usize], field[node as usize]);
-            writeln!(border, "{},{node},{x},{y},{:.17e},{:.17e}", k + 1, u[0], u[1]).unwrap();
-        }
-    }
-    std::fs::write(folder.join("border.csv"), border).unwrap();
+    std::fs::write(folder.join("border.csv"), border_table(mesh, ends, fields)).unwrap();
     std::fs::write(folder.join("measured.csv"), measured_table(fields, || noise * NOISE * draw())).unwrap();
     let mut load = "load_N\n".to_owned();
     for value in forces {
@@ -100,9 +93,10 @@ fn write_case(folder: &Path, pulled: &Pulled, seed: u64, substrate: &str, force:
     std::fs::write(folder.join("load.csv"), load).unwrap();
     let text = format!(
         "[mesh]\nfile = 'mesh.json'\n[groups]\ntop = 'y = max'\nleft = 'x = min'\nright = 'x = max'\n\
-         hole = 'x > 2 and x < 4 and y > 4 and y < 6'\n[boundary]\nfile = 'border.csv'\nfree = ['left', 'right', 'hole']\n[substrate]\n{substrate}[measurement]\nfile = 'measured.csv'\nnodes = 'free'\n\
-         boundary = 'exact'\nweights = 'covariance'\ncommon_reference = false\nnoise_mm = {NOISE}\n{force}[fit]\nexact = true\nbootstrap = 0\n\
-         intervals = 'linear'\n{fit}"
+         hole = 'x > 2 and x < 4 and y > 4 and y < 6'\n[boundary]\nfile = 'border.csv'\n\
+         free = ['left', 'right', 'hole']\n[substrate]\n{substrate}[measurement]\nfile = 'measured.csv'\n\
+         nodes = 'free'\nboundary = 'exact'\nweights = 'covariance'\ncommon_reference = false\nnoise_mm = {NOISE}\n\
+         {force}[fit]\nexact = true\nbootstrap = 0\nintervals = 'linear'\n{fit}"
     );
     std::fs::write(folder.join("case.toml"), text).unwrap();
 }

@@ -1,6 +1,8 @@
 //! The error budget of a fit: every effect against a refit with the constant moved; defaults, what switches a line off,
 //! typos; implausible values.
 
+use crate::mechanics_common;
+use mechanics_common::{border_table, measured_table};
 use quadrille::identify::{
     Budget, BudgetLine, Case, Constant, ConstantKind, ELEMENT_SIZE, Face, Fit, NORMAL_95, Source, WORK_REACHED, bands,
     fit, work_along,
@@ -19,7 +21,6 @@ use quadrille::mechanics::{
 use quadrille::mesh::ElementGeometry;
 use quadrille::remark::{About, Code, Remark};
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
@@ -67,19 +68,9 @@ fn input(measurement: &str, fit: &str) -> JointInput {
 fn input_of(kinematics: Kinematics, measurement: &str, fit: &str) -> JointInput {
     let folder = tempfile::tempdir().unwrap();
     let mesh = mesh();
-    let mut border = "instant,node,x_mm,y_mm,ux_mm,uy_mm\n".to_owned();
-    let mut measured = "instant,node,ux_mm,uy_mm\n".to_owned();
-    for (k, field) in fields(kinematics).iter().enumerate() {
-        for node in mesh.outer_nodes() {
-            let ([x, y], u) = (mesh.nodes()[node as usize], field[node as usize]);
-            writeln!(border, "{},{node},{x},{y},{:.17e},{:.17e}", k + 1, u[0], u[1]).unwrap();
-        }
-        for (node, u) in field.iter().enumerate() {
-            writeln!(measured, "{},{node},{:.17e},{:.17e}", k + 1, u[0], u[1]).unwrap();
-        }
-    }
-    std::fs::write(folder.path().join("border.csv"), border).unwrap();
-    std::fs::write(folder.path().join("measured.csv"), measured).unwrap();
+    let fields = fields(kinematics);
+    std::fs::write(folder.path().join("border.csv"), border_table(&mesh, &mesh.outer_nodes(), fields)).unwrap();
+    std::fs::write(folder.path().join("measured.csv"), measured_table(fields, || 0.0)).unwrap();
     let [e, nu, sigma_0, alpha, n] = ALUMINIUM;
     let [phi_n, delta_n, delta_t, r] = TRUTH;
     let text = format!(

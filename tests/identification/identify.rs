@@ -1,7 +1,7 @@
 //! Identification against the reference test: recovery, derivatives, an independent minimiser, statistics, verdict.
 
 use crate::mechanics_common;
-use mechanics_common::{adhesive, virtual_r4};
+use mechanics_common::{adhesive, border_table, virtual_r4};
 use quadrille::identify::{
     Band, Case, Fit, FitOptions, FitStatus, InverseCovariance, Local, NORMAL_95, Noise, Outcome, Precision, StepRegion,
     TrustRegionOptions, WeightKind, Weights, bands, cone_step, first_order, fit, largest_without_rigid_motion,
@@ -103,14 +103,7 @@ fn input(fields: &[Vec<[f64; 2]>], measurement: &str, fit: &str, noisy_border: b
         if noisy_border { "border.csv".to_owned() } else { format!("{}/boundary_displacements.csv", base.display()) };
     if noisy_border {
         let (mesh, boundary) = virtual_r4().unwrap();
-        let mut text = "instant,node,x_mm,y_mm,ux_mm,uy_mm\n".to_owned();
-        for (k, field) in fields.iter().enumerate() {
-            for &node in boundary.nodes() {
-                let ([x, y], u) = (mesh.nodes()[node as usize], field[node as usize]);
-                writeln!(text, "{},{node},{x},{y},{:.17e},{:.17e}", k + 1, u[0], u[1]).unwrap();
-            }
-        }
-        std::fs::write(folder.path().join("border.csv"), text).unwrap();
+        std::fs::write(folder.path().join("border.csv"), border_table(&mesh, boundary.nodes(), fields)).unwrap();
     }
     let case = folder.path().join("case.toml");
     std::fs::write(&case, case_text(&base, measurement, fit, &border)).unwrap();

@@ -425,7 +425,6 @@ fn results_of_small_rotations_come_back_with_the_square_of_the_load() {
 #[cfg(feature = "cli")]
 fn peel_files(folder: &std::path::Path, degrees: f64) {
     use rand::{RngExt, SeedableRng};
-    use std::fmt::Write as _;
     let coarse = JointMesh::rectangular(24, 4, SIZE, GAP).unwrap();
     let (fine, _) = coarse.refined(2).unwrap();
     let (theta, width, pieces) = (degrees.to_radians(), 0.1, 200);
@@ -449,19 +448,12 @@ fn peel_files(folder: &std::path::Path, degrees: f64) {
     let boundary = border_of(&fine, &fields);
     let model = Model::new(fine.clone(), aluminium(2), boundary.nodes(), finite(Quadrature::NewtonCotes)).unwrap();
     let solution = solve(&model, &adhesive([1.0; 4]), &boundary);
-    let mut border = "instant,node,x_mm,y_mm,ux_mm,uy_mm\n".to_owned();
-    for (k, instant) in (1..).zip(&solution.instants) {
-        for node in coarse.outer_nodes() {
-            let ([x, y], [ux, uy]) = (coarse.nodes()[node as usize], instant.displacement[node as usize]);
-            writeln!(border, "{k},{node},{x},{y},{ux:e},{uy:e}").unwrap();
-        }
-    }
-    std::fs::write(folder.join("border.csv"), border).unwrap();
     // Nodes keep their numbers in the finer mesh. A sum of twelve is normal enough.
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(17);
     let noise = || 0.02 * SIZE / 16.0 * ((0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0);
     let fields: Vec<Vec<[f64; 2]>> =
         solution.instants.iter().map(|instant| instant.displacement[..coarse.nodes().len()].to_vec()).collect();
+    std::fs::write(folder.join("border.csv"), border_table(&coarse, &coarse.outer_nodes(), &fields)).unwrap();
     std::fs::write(folder.join("measured.csv"), measured_table(&fields, noise)).unwrap();
 }
 

@@ -3,7 +3,7 @@
 #![cfg(feature = "cli")]
 
 use crate::mechanics_common;
-use mechanics_common::{aluminium, measured_table};
+use mechanics_common::{aluminium, border_table, measured_table};
 use quadrille::identify::{Case, Discretisation, Fit, FitOptions, FitStatus, Intervals, curve_bands, fit, tournament};
 use quadrille::io::joint::read_joint;
 use quadrille::mechanics::cohesive::{CohesiveLaw, law_by_name, parameters_by_name};
@@ -13,7 +13,6 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 use rayon::prelude::*;
-use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
@@ -56,18 +55,12 @@ fn pulled_of(columns: usize, law: &dyn CohesiveLaw, n: u32, uneven: f64, slide: 
         [side * slide * t, side * uneven * t * (0.1 + 4.0 * x)]
     };
     let instants: Vec<Vec<[f64; 2]>> = (1..=n).map(|k| nodes.iter().map(|&node| at(k, node)).collect()).collect();
-    let mut border = "instant,node,x_mm,y_mm,ux_mm,uy_mm\n".to_owned();
-    for (k, values) in instants.iter().enumerate() {
-        for (&node, u) in nodes.iter().zip(values) {
-            let [x, y] = mesh.nodes()[node as usize];
-            writeln!(border, "{},{node},{x},{y},{:e},{:e}", k + 1, u[0], u[1]).unwrap();
-        }
-    }
     let boundary = BoundaryHistory::new(nodes.clone(), instants).unwrap();
     let model = Model::new(mesh, aluminium(2), &nodes, ModelOptions::default()).unwrap();
     let solution = model.forward(law, &boundary, &ForwardOptions::default()).unwrap();
     assert!(solution.converged());
-    (border, solution.instants.into_iter().map(|instant| instant.displacement).collect())
+    let fields: Vec<_> = solution.instants.into_iter().map(|instant| instant.displacement).collect();
+    (border_table(model.mesh(), &nodes, &fields), fields)
 }
 
 fn case_text(law: &str, values: &[f64], noise_px: f64, fit: &str) -> String {
