@@ -76,6 +76,8 @@ fn a_pulled_bar_gives_modulus_and_poissons_ratio_within_their_uncertainty() {
     desk.run(&format!("probe out {flags} --output other")).fine();
     let other = constants(&desk, "other");
     let (a, b) = (&found["E_MPa"], &other["E_MPa"]);
+    // Nobody said how well the area is known: 1 %.
+    assert!((number(b, "sigma_area") / number(b, "value") - 0.01).abs() < 1e-12, "{b:?}");
     let apart = number(a, "value") - number(b, "value");
     // The same noise, weighed otherwise.
     assert!(apart.abs() < 4.0 * number(b, "sigma_noise"), "{apart}");

@@ -171,17 +171,17 @@ fn tension_of(asked: &CaseTension, load: Option<&CaseLoad>, quantities: &Quantit
         value => Ok(value),
     };
     let area = load.and_then(|load| load.area_mm2);
-    let by_area = |key: &str, value: Option<f64>| match (positive(key, value)?, area) {
+    let by_area = |key: &str, value: Option<f64>, default: f64| match (positive(key, value)?, area) {
         (Some(value), Some(area)) => Ok(value / area),
-        (None, _) => Ok(0.0),
+        (None, _) => Ok(default),
         (Some(_), None) => Err(refused(key, "the area is not known; give area_mm2 in [load]".to_owned())),
     };
     let options = TensionOptions {
         modulus_range: rising("modulus_range", asked.modulus_range.unwrap_or(least.modulus_range))?,
         proof_strain: positive("proof_strain", asked.proof_strain)?.unwrap_or(least.proof_strain),
         r_range: rising("r_range", asked.r_range.unwrap_or(least.r_range))?,
-        stress_std_mpa: by_area("load_N_std", asked.load_n_std)?,
-        area_relative_std: by_area("area_mm2_std", asked.area_mm2_std)?,
+        stress_std_mpa: by_area("load_N_std", asked.load_n_std, least.stress_std_mpa)?,
+        area_relative_std: by_area("area_mm2_std", asked.area_mm2_std, least.area_relative_std)?,
         ..least
     };
     let axis = asked.axis.map(|axis| match axis {

@@ -249,7 +249,7 @@ pub struct CaseTension {
         arg(id = "tension.r_range", long = "r-range", value_name = "FROM,TO", value_parser = range, hide_short_help = true)
     )]
     pub r_range: Option<[f64; 2]>,
-    /// Standard uncertainty of the area of `[load]`, mm2.
+    /// Standard uncertainty of the area of `[load]`, mm2; 1 % of it without.
     #[cfg_attr(
         feature = "cli",
         arg(id = "tension.area_mm2_std", long = "area-std", value_name = "MM2", hide_short_help = true)

@@ -112,14 +112,17 @@ impl TensionResult {
     pub(super) fn write<W: Write>(&self, mut out: W, header: &[String]) -> io::Result<()> {
         let TensionOptions { proof_strain, .. } = self.options;
         let definitions = [
-            "strains are engineering ones: of the distance of an extensometer, or of the mean gradient of a region".to_owned(),
+            "strains are engineering ones: of the distance of an extensometer, or of the mean gradient of a region"
+                .to_owned(),
             format!(
-                "E: slope of stress over strain, a line through both that counts the noise of both; nu: of the strain across over that \
-                 along, between the same strains; Rp: where the curve is a strain of {proof_strain} beyond the line of E; Rm: largest stress; \
-                 r: of the true plastic strain across over that through the thickness, the volume being kept"
+                "E: slope of stress over strain, a line through both that counts the noise of both; nu: of the strain \
+                 across over that along, between the same strains; Rp: where the curve is a strain of {proof_strain} \
+                 beyond the line of E; Rm: largest stress; r: of the true plastic strain across over that through the \
+                 thickness, the volume being kept"
             ),
-            "sigma: of noise (and scatter about the line, where that is larger), area and camera; squares: of the scatter about the line \
-             over those of noise; bent_percent: change of the slope over the range, where it is clear; an empty cell has no value"
+            "sigma: of noise (and scatter about the line, where that is larger), area (1 % where not stated) and camera; \
+             squares: of the scatter about the line over those of noise; bent_percent: change of the slope over the \
+             range, where it is clear; an empty cell has no value"
                 .to_owned(),
         ];
         for line in header.iter().chain(&definitions).flat_map(|text| text.split(['\n', '\r'])) {
