@@ -369,8 +369,9 @@ fn a_modulus_is_fitted_to_several_tests_of_the_same_strips() {
     let folder = tempfile::tempdir().unwrap();
     let parameters = "parameters = [\"delta_n\", \"delta_t\", \"r\", \"E\"]\n";
     // Fields alone tell the modulus where the work of separation is known.
-    let known =
-        |text: String| text.replace("phi_n_N_per_mm = 1.2", "phi_n_N_per_mm = 1").replace(PARAMETERS, parameters);
+    let known = |text: String| {
+        text.replace("phi_n_N_per_mm = 1.2", "phi_n_N_per_mm = 1\nexact = true").replace(PARAMETERS, parameters)
+    };
     for (name, loading) in [("opening", Loading::Opening), ("sliding", Loading::Sliding)] {
         write_test_with(&folder.path().join(name), (loading, SMALL), NOISE, 12, known);
     }
