@@ -3,7 +3,7 @@
 use crate::identify::{Constant, ConstantKind, Problem, Released, ReleasedParameter};
 
 impl Problem<'_> {
-    /// The prescribed values: parameters of the law and of the strips, thickness, size of a pixel.
+    /// The prescribed values: parameters of the law and of the strips, thickness, width, size of a pixel.
     pub(crate) fn given(&self) -> Vec<String> {
         let law = self.unknowns.law();
         let fitted = |index: usize| self.unknowns.list().iter().any(|unknown| unknown.index == index);
@@ -30,6 +30,8 @@ impl Problem<'_> {
         }
         let has_adhesive = !model.mesh().interfaces().is_empty();
         given.extend(has_adhesive.then(|| format!("thickness = {}", quantity(model.mesh().gap(), "mm"))));
+        let cell = self.observation.force.as_ref();
+        given.extend(cell.map(|cell| format!("width = {}", quantity(cell.width_mm, "mm"))));
         given.extend(self.observation.pixel_size_mm.map(|mm| format!("1 px = {}", quantity(mm, "mm"))));
         given
     }
