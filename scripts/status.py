@@ -48,6 +48,18 @@ def apart(opening, step=1):
                       move((0.3 * k, opening * (k * step)), inside=lambda x, y: y >= MIDDLE)]
 
 
+def two_bodies(k):
+    """Two halves that part and slide while one of them stretches."""
+    return [move((-1.5 * k, 0.4 * k), inside=lambda x, y: x < MIDDLE),
+            move((1.2 * k, -0.3 * k), ((0.004 * k, 0), (0, -0.001 * k)), inside=lambda x, y: x >= MIDDLE)]
+
+
+def between_grips(k):
+    """A strip that is stretched between grips of the same texture, the left one still."""
+    bend = lambda x: np.clip((x - 120.0) / 240.0, 0, 1)
+    return [Body(lambda x, y: np.array([2.5 * k * bend(x), 0 * y]))]
+
+
 class Judge:
     def __init__(self, program, folder):
         self.program, self.folder, self.failed = program, folder, []
@@ -182,6 +194,12 @@ def main():
         _, summary = judge.scene("ground still, steps of 0.8 px", "soft", body_before_ground(0.8), 14)
         means = [zone["name"] for zone in ((summary or {}).get("frames") or [{}])[-1].get("zones", [])]
         judge.hold(means == ["specimen", "still"], "ground", f"the zones are {means}")
+    if on("bodies"):
+        _, summary = judge.scene("bodies that part", "soft", two_bodies, 6)
+        names = [zone["name"] for zone in ((summary or {}).get("frames") or [{}])[-1].get("zones", [])]
+        judge.hold(names == ["specimen1", "specimen2"], "bodies", f"the zones are {names}")
+    if on("grips"):
+        judge.scene("strip between grips", "soft", between_grips, 6)
     if on("broken"):
         for size in (16, 20, 24, 32):
             judge.scene(f"broken, {size} px", "soft", apart(17.5), 1, options=["--element-size", size], parted=True)

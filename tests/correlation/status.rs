@@ -4,7 +4,7 @@
 use crate::common::scenes::{SPOT_PX, Spots, photographed};
 use crate::common::{cold, data, mean, prepared, rms, zone};
 use crate::program::{Desk, remarks};
-use quadrille::correlate::{CorrelationError, Options, ReferenceChain, StillGround, Tracker};
+use quadrille::correlate::{Apart, CorrelationError, Options, ReferenceChain, Tracker};
 use quadrille::field::{ElementMark, Status, UpdateReference};
 use quadrille::imaging::{Image, Pixels, Specimen};
 use quadrille::io::images::read_image;
@@ -130,13 +130,16 @@ fn what_stays_still_is_told_from_the_body_before_it_and_from_the_clamped_end_of_
         let [reference, deformed] = pair;
         let correlator = prepared(&reference, &zones, Options::default());
         let field = cold(&correlator, &deformed).measurement;
-        (StillGround::find(&field, [&reference, &deformed]), correlator.mesh().clone())
+        (Apart::find(&field, [&reference, &deformed]), correlator.mesh().clone())
     };
-    assert_eq!(find([clamped(0.0, 1), clamped(0.03, 2)]).0, None);
-    assert_eq!(find([before_ground(0.0, 1), before_ground(1.2, 2)]).0, None, "too close to be told apart");
+    assert_eq!(find([clamped(0.0, 1), clamped(0.03, 2)]).0, Apart::One);
+    assert_eq!(find([before_ground(0.0, 1), before_ground(1.2, 2)]).0, Apart::One, "too close to be told apart");
     for u in [2.4, 12.0] {
         let (found, mesh) = find([before_ground(0.0, 1), before_ground(u, 2)]);
-        let StillGround { still, between } = found.expect("a body and its ground");
+        let Apart::Bodies(bodies) = found else { panic!("a body and its ground: {found:?}") };
+        assert_eq!((bodies.moving, bodies.has_still), (1, true));
+        let still: Vec<bool> = (0..mesh.n_elements()).map(|element| bodies.is_of(element, 1)).collect();
+        let between: Vec<bool> = bodies.of.iter().map(Option::is_none).collect();
         for element in 0..mesh.n_elements() {
             let corners = mesh.corners(element);
             // Share of it over which the body lies or has gone, and over which it lies in both images.
@@ -152,6 +155,49 @@ fn what_stays_still_is_told_from_the_body_before_it_and_from_the_clamped_end_of_
         // 80 elements lie inside the body, 190 outside; 52 along its edge belong to neither.
         assert!(n(&still) > 150 && n(&between) < 80, "{u}: {} still, {} between", n(&still), n(&between));
     }
+}
+
+#[test]
+fn two_bodies_that_move_apart_are_told_and_a_stripe_of_glare_makes_no_two_of_one() {
+    let spots = Spots::new(5, SIDE, SPOT_PX);
+    // The upper half is moved by `u`, the lower one by `v`; between them the ground is bare. One of them is stretched.
+    let halves = |u: [f64; 2], v: [f64; 2], seed: u64| {
+        photographed(SIDE, 1.5, seed, |y| {
+            let (above, below) = ([y[0] - u[0], y[1] - u[1]], [y[0] - v[0] - 0.01 * (y[0] - 160.0), y[1] - v[1]]);
+            match (above[1] < 150.0, below[1] >= 150.0) {
+                (true, _) => spots.grey(above),
+                (_, true) => spots.grey(below),
+                _ => 40.0,
+            }
+        })
+    };
+    let rest = photographed(SIDE, 1.5, 1, |y| spots.grey(y));
+    let correlator = prepared(&rest, &[zone("all", [20.0, 20.0, 308.0, 308.0])], Options::default());
+    let find = |deformed: &Arc<Image>| Apart::find(&cold(&correlator, deformed).measurement, [&rest, deformed]);
+    for (u, v) in [([3.0, -2.0], [-1.0, 3.0]), ([12.0, 0.5], [-9.0, 2.0])] {
+        let found = find(&halves(u, v, 2));
+        let Apart::Bodies(bodies) = found else { panic!("two bodies: {found:?}") };
+        assert_eq!((bodies.moving, bodies.has_still), (2, false));
+        let mesh = correlator.mesh();
+        for (element, of) in bodies.of.iter().enumerate() {
+            let corners = mesh.corners(element);
+            let (is_above, is_below) = (corners[2][1] <= 150.0, corners[0][1] >= 150.0);
+            assert!(
+                of.is_none() || (*of == Some(0) && !is_below) || (*of == Some(1) && !is_above),
+                "{corners:?}: {of:?}"
+            );
+        }
+        // 324 elements, 18 of them on the border, and as many lose their other side.
+        assert!(bodies.of.iter().filter(|of| of.is_some()).count() > 280, "{bodies:?}");
+    }
+    // Both move, and not yet apart from each other; one body that moves behind a white stripe.
+    assert_eq!(find(&halves([4.0, 0.0], [4.0, 1.0], 3)), Apart::NotYet);
+    let glare = photographed(SIDE, 1.5, 4, |y| {
+        let x = [y[0] - 3.0, y[1] - 1.0 - 0.01 * y[1]];
+        if (140.0..180.0).contains(&y[1]) { 250.0 } else { spots.grey(x) }
+    });
+    let found = find(&glare);
+    assert!(!matches!(found, Apart::Bodies(_)), "{found:?}");
 }
 
 #[test]

@@ -279,6 +279,31 @@ fn a_ground_that_stays_still_behind_the_specimen_becomes_a_zone_of_its_own() {
 }
 
 #[test]
+fn two_halves_that_move_apart_become_two_zones() {
+    let desk = Desk::new();
+    let image = |k: usize, seed: u64| {
+        let halves =
+            [[-2.0, 0.5], [3.0, 0.0]].map(|[u, v]| discs(WIDTH, HEIGHT, 2.5, 0.6, [u * k as f64, v * k as f64], 5));
+        let half =
+            |x: usize| if x < 150 - 2 * k { Some(&halves[0]) } else { Some(&halves[1]).filter(|_| x >= 150 + 3 * k) };
+        shot(WIDTH, HEIGHT, |x, y| half(x).map_or(30.0, |half| half[y * WIDTH + x]), 1.5, seed)
+    };
+    (0..3).for_each(|k| desk.image(&format!("shots/{k}.png"), &image(k, 60 + k as u64)));
+    let ran = desk.correlate("--output out shots/*.png").fine();
+    assert!(ran.stderr.contains("bodies that move apart are zones of their own, 2 of them"), "{ran}");
+    let frame = &desk.json("out/summary.json")["frames"][1];
+    assert_eq!(frame["status"], "converged", "{frame}");
+    for (k, name, u) in [(0, "specimen1", [-4.0, 1.0]), (1, "specimen2", [6.0, 0.0])] {
+        let zone = &frame["zones"][k];
+        let moved = &zone["rigid_motion"]["translation_px"];
+        assert_eq!(zone["name"], name);
+        // Some hundred nodes of 0.02 px.
+        let off = (moved[0].as_f64().unwrap() - u[0]).hypot(moved[1].as_f64().unwrap() - u[1]);
+        assert!(off < 0.02, "{zone}");
+    }
+}
+
+#[test]
 fn an_image_with_nothing_to_measure_is_refused_with_what_is_there() {
     let desk = Desk::new();
     for k in 0..2 {

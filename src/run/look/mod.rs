@@ -1,11 +1,11 @@
 //! What is looked at afterwards: pages, quantities, cracks.
 
+pub(crate) mod apart;
 pub(crate) mod compare;
 pub(crate) mod crack_auto;
 pub(crate) mod explore;
 pub(crate) mod fit_of_run;
 mod frame;
-pub(crate) mod ground;
 pub(crate) mod page;
 mod projection;
 pub(crate) mod quantities;

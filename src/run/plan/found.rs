@@ -1,6 +1,6 @@
 //! The zones of a run that names none: where the specimen is in the reference.
 
-use crate::correlate::{Reference, StillGround};
+use crate::correlate::{Bodies, Reference};
 use crate::imaging::{Image, LeftOut, OddLevels, Pixels, Specimen, SpecimenPart};
 use crate::io::case::{CaseGuard, CaseZone};
 use crate::io::images::{png_bytes, sha256};
@@ -84,27 +84,25 @@ impl Found {
         Self { note, ..Self::default() }.lay(parts, None, reference, plan, folder)
     }
 
-    /// The same with what stays still while the rest moves as a zone of its own, by the elements of `mesh`, the mesh on
-    /// these zones.
-    pub fn part(
-        &self,
-        ground: &StillGround,
-        mesh: &Mesh<Px>,
-        image: &Image,
-        plan: &Plan,
-        folder: &Path,
-    ) -> Result<Self> {
-        let of_zones = |belongs: &dyn Fn(usize) -> bool| -> Vec<SpecimenPart> {
+    /// The same with a zone for each of the `bodies` that move apart, by the elements of `mesh`, the mesh on these zones.
+    pub fn part(&self, bodies: &Bodies, mesh: &Mesh<Px>, image: &Image, plan: &Plan, folder: &Path) -> Result<Self> {
+        let of_body = |body: usize| -> Vec<SpecimenPart> {
             let of_zone = |(zone, part): (usize, &SpecimenPart)| {
-                let elements = mesh.zone_elements(zone).filter(|&element| belongs(element));
+                let elements = mesh.zone_elements(zone).filter(|&element| bodies.is_of(element, body));
                 part.within(&elements.map(|element| mesh.pixel_box(element)).collect::<Vec<_>>())
             };
             self.parts.iter().enumerate().filter_map(of_zone).collect()
         };
-        let bodies = of_zones(&|element| ground.is_moving(element));
-        let still = SpecimenPart::joined(&of_zones(&|element| ground.is_still(element)));
-        let note = format!("{}; what stays still while the rest moves is the zone '{STILL}'", self.note);
-        Self { note, ..Self::default() }.lay(bodies, still, image, plan, folder)
+        let moving: Vec<SpecimenPart> = (0..bodies.moving).flat_map(of_body).collect();
+        let still = bodies.has_still.then(|| SpecimenPart::joined(&of_body(bodies.moving))).flatten();
+        let mut note = self.note.clone();
+        if bodies.moving > 1 {
+            note.push_str(&format!("; bodies that move apart are zones of their own, {} of them", bodies.moving));
+        }
+        if still.is_some() {
+            note.push_str(&format!("; what stays still while the rest moves is the zone '{STILL}'"));
+        }
+        Self { note, ..Self::default() }.lay(moving, still, image, plan, folder)
     }
 
     /// Makes a zone of each part, and of what is `still`.

@@ -4,7 +4,7 @@ use crate::imaging::Image;
 use crate::io::store::Store;
 use crate::remark::Remark;
 use crate::run::frames::{Engine, about_reference};
-use crate::run::look::{crack_auto, ground};
+use crate::run::look::{apart, crack_auto};
 use crate::run::plan::found::Found;
 use crate::run::plan::{Plan, Zones};
 use crate::run::words::{Result, remarks};
@@ -43,7 +43,7 @@ impl Prepared {
         };
         let mut engine = prepare(zones, plan)?;
         if let Some(before) = &found
-            && let Some(parted) = ground::part(plan, (there, folder), before, &reference, &*engine.correlator())?
+            && let Some(parted) = apart::part(plan, (there, folder), before, &reference, &*engine.correlator())?
         {
             (zone_files, remarks) = (parted.files(), vec![remarks::zones_found(parted.note.clone())]);
             plan.zones.clone_from(&parted.cases);

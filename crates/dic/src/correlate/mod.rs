@@ -16,7 +16,7 @@ mod error;
 pub use correlator::Correlator;
 pub use cracks::crack_search::{CrackSearch, FoundCrack, MovedPath, NoCrack, Rejected, move_onto_crack, search_cracks};
 pub use error::{CorrelationError, Lack, TextureFault, UpdateRefused};
-pub use judge::ground::StillGround;
+pub use judge::apart::{Apart, Bodies};
 pub use noise::fixed_pattern::FixedPattern;
 pub use noise::noise_correlation::NoiseColour;
 pub use noise::noise_model::PhotonNoise;

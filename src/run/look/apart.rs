@@ -1,6 +1,7 @@
-//! Zones that were found by their texture are parted by motion: what stays still beside the specimen is a zone of its own.
+//! Zones that were found by their texture are parted by motion: bodies that move apart are zones of their own, and so is
+//! what stays still beside them.
 
-use crate::correlate::{Correlate, StillGround};
+use crate::correlate::{Apart, Correlate};
 use crate::imaging::Image;
 use crate::io::case::parse_case;
 use crate::io::store::Store;
@@ -35,8 +36,10 @@ pub(crate) fn part(
     let numbers = successors(Some(1), |number| Some(number * EVERY));
     for number in numbers.take_while(|&number| number <= plan.deformed.len()) {
         let Some((image, field)) = look_at(plan, number, reference, correlator) else { continue };
-        if let Some(ground) = StillGround::find(&field, [reference, &image]) {
-            return found.part(&ground, &field.mesh, reference, plan, folder).map(Some);
+        match Apart::find(&field, [reference, &image]) {
+            Apart::Bodies(bodies) => return found.part(&bodies, &field.mesh, reference, plan, folder).map(Some),
+            Apart::NotYet => continue,
+            Apart::One => {}
         }
         let measured = field.displacement.iter().zip(&field.measured).filter(|(_, measured)| **measured);
         let moving = measured.clone().filter(|(u, _)| u[0].hypot(u[1]) > MOVES_PX).count();
