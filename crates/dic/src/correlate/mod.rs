@@ -71,6 +71,7 @@ use result::point_values::PointValuesOf;
 use result::settled::{Iterated, LeftOut, Settled, elements_of};
 use solve::iterate::{Enough, Limits, Outcome, SLOW, TOO_SLOW, Turn, WILD_ELEMENTS, iterate, nothing};
 use solve::light::{Light, Seen, is_suspected};
+use solve::mixing::{Mixed, State};
 use solve::pace::Pace;
 use start::features::{Features, Pair};
 use start::find::{LEAST_INSIDE, score};

@@ -3,14 +3,15 @@
 use crate::backend::{Backend, ElementMatch, Found, GreyTransfer, PixelSums};
 use crate::correlate::{
     Bent, Correlation, CorrelationError, Correlator, DeformationGradient, Elements, Followed, ImagePair, Iterated,
-    LEAST_LEFT, LeftOut, Level, Light, Limits, Look, Looks, MATCHED, NodalSpread, OfElement, Outcome, Own, PhotonNoise,
-    Residuals, Result, Seen, Settled, StartUsed, TOO_SLOW, ZoneResult, continue_field, factors, fill_field,
-    follow_nodes, is_named, is_suspected, iterate, lost_in_noise, mark_pulled_along, nothing, numbers, rigid,
-    spread_of,
+    LEAST_LEFT, LeftOut, Level, Light, Limits, Look, Looks, MATCHED, Mixed, NodalSpread, OfElement, Outcome, Own,
+    PhotonNoise, Residuals, Result, Seen, Settled, StartUsed, State, TOO_SLOW, ZoneResult, continue_field, factors,
+    fill_field, follow_nodes, is_named, is_suspected, iterate, lost_in_noise, mark_pulled_along, nothing, numbers,
+    rigid, spread_of,
 };
 use crate::field::{Brightness, ElementMark, Measurement, ModelError, Status};
 use crate::linalg::Solver;
 use rayon::prelude::*;
+use std::cell::Cell;
 
 /// A residual of this many times the noise of the reference says that a zone is misfit everywhere: out of focus, a
 /// reflection, another light.
@@ -20,7 +21,7 @@ const MISFIT_EVERYWHERE: f64 = 3.0;
 const MARKED_RATIO: f64 = 1.5625;
 /// Light that is to be held has followed for so many iterations on every device, whenever it was seen that it does not
 /// settle.
-const LIGHT_ITERATIONS: usize = 34;
+const LIGHT_ITERATIONS: usize = 20;
 /// While elements that do not match are still counted, light that has not settled is one where it leaves half of the
 /// elements less than this of their residual; else something that does not match has passed for it.
 const HELD_RATIO: f64 = 0.9;
@@ -159,9 +160,19 @@ impl<B: Backend> Correlator<B> {
         if !light.is_held {
             let (variances, of_reference) =
                 (self.noise_gain.variances(mesh, &before.displacement), self.noise_gain.of_reference);
+            let (mut mixed, is_new) = (Mixed::default(), Cell::new(true));
             let mut follow = |frame: &mut B::Frame, field: &mut B::Field| {
                 let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
                 light.follow(&Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference });
+                if is_new.take() {
+                    mixed.begin_anew();
+                }
+                let displacement = self.backend.read_field(prepared, frame, field)?.displacement;
+                let mut at = State { displacement, light: std::mem::take(&mut light.nodes) };
+                if mixed.advance(&mut at) {
+                    self.backend.place(prepared, frame, field, &at.displacement)?;
+                }
+                light.nodes = at.light;
                 self.backend.light(prepared, frame, field, &light.nodes)
             };
             let limits = Limits { late_light: true, ..limits };
@@ -178,6 +189,7 @@ impl<B: Backend> Correlator<B> {
             while iterations < LIGHT_ITERATIONS {
                 let max_iterations = (LIGHT_ITERATIONS - iterations).min(TOO_SLOW[0] - 1);
                 let limits = Limits { max_iterations, ..limits };
+                is_new.set(true);
                 let more = iterate(&self.backend, level, frame, field, limits, &self.kernel, &mut follow)?;
                 iterations += more.iterations;
                 if more.status != Status::IterationLimit {

@@ -299,6 +299,10 @@ pub(crate) fn iterate<B: Backend>(
     // Pixels counted and elements lost when the own solver was made.
     let mut made_at = (0.0, 0);
     for iteration in 1..=limits.max_iterations {
+        if limits.late_light {
+            // Between the steps they are combined.
+            pace.factor = 1.0;
+        }
         let scale = [pace.factor * limits.turn.cos, pace.factor * limits.turn.sin];
         let solver = outcome.own.as_ref().map_or(&level.solver, |own| &own.solver);
         let ahead = self::steps_ahead(iteration, &limits, outcome.own.as_ref().map(|_| made_at), size);
@@ -367,7 +371,7 @@ pub(crate) fn iterate<B: Backend>(
         late = if arrives || iteration < TOO_SLOW[0] { 0 } else { late + 1 };
         pace.note(correction, renew);
         // A node that noise keeps from settling may be given up first.
-        let from = if enough.is_some() { SLOW[2] } else { TOO_SLOW[0] };
+        let from = if enough.is_some_and(|enough| enough.is_noisy) { SLOW[2] } else { TOO_SLOW[0] };
         if late == TOO_SLOW[1]
             || (iteration >= from && pace.is_halved_too_seldom(target, limits.max_iterations - iteration))
         {

@@ -2,4 +2,5 @@
 
 pub(crate) mod iterate;
 pub(crate) mod light;
+pub(crate) mod mixing;
 pub(crate) mod pace;
