@@ -204,9 +204,9 @@ def main():
         for size in (16, 20, 24, 32):
             judge.scene(f"broken, {size} px", "soft", apart(17.5), 1, options=["--element-size", size], parted=True)
     if on("speckles"):
-        for texture in ("25 px", "45 px"):
-            judge.scene(f"large speckles of {texture}", texture, lambda k: [move((4.2 * k, 2.1 * k))], 1, near=50,
-                        options=["--element-size", 64, "--roi", "16,16,464,464"])
+        for texture, size in (("25 px", 64), ("45 px", 112)):
+            judge.scene(f"large speckles of {texture}, {size} px", texture, lambda k: [move((4.2 * k, 2.1 * k))], 1, near=50,
+                        options=["--element-size", size, "--roi", "16,16,464,464"])
     if on("pattern"):
         for size in (2.0, 4.0):
             name = f"fixed pattern of {size:.0f}"
