@@ -161,6 +161,21 @@ class Judge:
             self.row(f"{name}, border {border}", [f"{held[border]} held", f"{len(said)} ref.", mean])
         self.hold(held["auto"] >= 13 and not said, name, f"{held['auto']} of 15 intervals hold, {len(said)} refused {said[:1]}")
 
+    def real(self, data):
+        """Iterations of a frame in the mean, of the sets of verdicts.py with files as the only input."""
+        for name, images, options, _ in verdicts.real_sets(data):
+            if not (data / name).is_dir():
+                continue
+            paths = [data / name / image for image in images]
+            summary, store = correlate(self.program, self.folder / name, paths[0], paths[1:], *options)
+            self.hold(store is not None, name, summary)
+            if store is not None:
+                iterations = np.mean([frame.get("iterations", 0) for frame in summary["frames"]])
+                last = summary["frames"][-1]
+                cells = [last["status"], f"{last.get('measured_percent', 0):.1f}", "", "", f"{iterations:.1f}"]
+                self.row(name, cells)
+                self.hold(iterations <= 20, name, f"{iterations:.0f} iterations")
+
     def necking(self, data, size):
         images = sorted((data / "sundic-necking").glob("*.tif*"))
         if not images:
@@ -224,6 +239,8 @@ def main():
     if on("joint"):
         for noise in JOINTS:
             judge.joint(noise)
+    if on("real") and asked.data and not asked.no_real:
+        judge.real(pathlib.Path(asked.data))
     if on("necking") and asked.data and not asked.no_real:
         for size in (16, 30, 32, 48):
             judge.necking(pathlib.Path(asked.data), size)

@@ -296,13 +296,11 @@ pub(crate) fn iterate<B: Backend>(
         turn: limits.turn,
     };
     let (mut pace, mut late, mut watch) = (Pace::default(), 0, Watch::default());
+    // Steps that light follows are combined.
+    pace.is_whole = limits.late_light;
     // Pixels counted and elements lost when the own solver was made.
     let mut made_at = (0.0, 0);
     for iteration in 1..=limits.max_iterations {
-        if limits.late_light {
-            // Between the steps they are combined.
-            pace.factor = 1.0;
-        }
         let scale = [pace.factor * limits.turn.cos, pace.factor * limits.turn.sin];
         let solver = outcome.own.as_ref().map_or(&level.solver, |own| &own.solver);
         let ahead = self::steps_ahead(iteration, &limits, outcome.own.as_ref().map(|_| made_at), size);

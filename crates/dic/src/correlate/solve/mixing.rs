@@ -17,8 +17,8 @@ pub(crate) struct State {
 
 #[derive(Default)]
 pub(crate) struct Mixed {
-    /// Where the last step began.
-    began: Option<State>,
+    /// The displacement that the last step began with.
+    began: Option<Vec<[f64; 2]>>,
     /// What the last steps led to, and by how much they changed the displacement; the latest first.
     steps: VecDeque<(State, Vec<[f64; 2]>)>,
 }
@@ -42,17 +42,16 @@ impl Mixed {
 
     /// Takes notice of what a step has led to, and puts `at` where the next begins; whether that is another displacement.
     pub fn advance(&mut self, at: &mut State) -> bool {
-        let Some(began) = self.began.replace(at.clone()) else { return false };
+        let Some(began) = self.began.replace(at.displacement.clone()) else { return false };
         let change = |(now, then): (&[f64; 2], &[f64; 2])| [now[0] - then[0], now[1] - then[1]];
-        let change: Vec<[f64; 2]> = at.displacement.iter().zip(&began.displacement).map(change).collect();
+        let change: Vec<[f64; 2]> = at.displacement.iter().zip(&began).map(change).collect();
         let square = dot(&change, &change);
         if self.steps.front().is_some_and(|(_, before)| square > GROWS * GROWS * dot(before, before)) {
             self.steps.clear();
         }
         self.steps.push_front((at.clone(), change));
         self.steps.truncate(STEPS);
-        let Some(weights) = self.weights() else { return false };
-        let latest = at.clone();
+        let (Some(weights), Some((latest, _))) = (self.weights(), self.steps.front()) else { return false };
         for (weight, (state, _)) in weights.iter().zip(self.steps.iter().skip(1)) {
             for ((at, latest), state) in at.displacement.iter_mut().zip(&latest.displacement).zip(&state.displacement) {
                 (0..2).for_each(|c| at[c] += weight * (state[c] - latest[c]));
@@ -62,7 +61,7 @@ impl Mixed {
                 at.offset += weight * (state.offset - latest.offset);
             }
         }
-        self.began = Some(at.clone());
+        self.began = Some(at.displacement.clone());
         true
     }
 

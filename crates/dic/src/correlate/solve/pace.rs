@@ -44,6 +44,8 @@ pub(crate) struct Pace {
     stalls: usize,
     /// What the correction of the step that comes next, or is being made, is multiplied by.
     pub factor: f64,
+    /// Whether all steps have their whole length: what is made of them is another's affair.
+    pub is_whole: bool,
     steps: Steps,
     changed: Option<Changed>,
     /// The last correction that was half of those before it, and how many came after it.
@@ -59,6 +61,7 @@ impl Default for Pace {
             ratio: f64::NAN,
             stalls: 0,
             factor: 1.0,
+            is_whole: false,
             steps: Steps::TooLong,
             changed: None,
             halved: (f64::INFINITY, 0),
@@ -122,6 +125,9 @@ impl Pace {
         self.before = [correction, self.before[0]];
         let (halved, since) = self.halved;
         self.halved = if correction < 0.5 * halved { (correction, 0) } else { (halved, since + 1) };
+        if self.is_whole {
+            return;
+        }
         if let Some(Changed { rate, expected }) = self.changed {
             // Corrections from before the step say nothing of those after it.
             if made != 1.0 {
@@ -215,6 +221,18 @@ mod tests {
         let mut pace = Pace::default();
         [1.0, 0.5, 0.25].into_iter().for_each(|c| pace.note(c, false));
         assert_ne!(pace.factor, 1.0, "the one after them need not");
+    }
+
+    #[test]
+    fn steps_that_are_to_be_whole_stay_so_and_hide_nothing_of_what_is_left() {
+        let mut pace = Pace { is_whole: true, ..Pace::default() };
+        for k in 0..12 {
+            pace.note(0.9f64.powi(k), false);
+            assert_eq!(pace.factor, 1.0);
+        }
+        // Two that fall by a hundredth: nothing of the slow ones before is left.
+        [1e-3, 1e-5].into_iter().for_each(|c| pace.note(c, false));
+        assert!(pace.left(1e-7, false) < 1e-7, "{}", pace.left(1e-7, false));
     }
 
     #[test]
