@@ -82,6 +82,30 @@ fn the_parameters_of_the_virtual_test_are_found_within_their_uncertainty() {
 }
 
 #[test]
+fn a_regularised_correlation_gives_the_law_that_a_plain_one_gives() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = folder.path().join("test");
+    copy(&made(), &test);
+    let plain = json(test.join("run/fit.json"));
+    // Four elements: with its penalty the field gives 8 % more work, 27 standard uncertainties, and a law that is rejected.
+    let held = "[correlation]\nregularisation = \"tikhonov\"\ncutoff_px = 64";
+    let case = text(test.join("case.toml")).replace("[correlation]", held);
+    std::fs::write(test.join("held.toml"), case).unwrap();
+    let (code, said) = run(&test.join("held.toml"), &test.join("held"));
+    assert_eq!(code, Some(0), "{said}");
+    let fit = json(test.join("held/fit.json"));
+    for name in ["phi_n", "delta_n", "delta_t"] {
+        let of = |fit: &Value, what: &str| fit["parameters"][name][what].as_f64().unwrap();
+        let (off, std) = (of(&fit, "value") - of(&plain, "value"), of(&plain, "std"));
+        // The same images: what one step of the correlation is short of, at nodes with little texture.
+        assert!(off.abs() < 1.5 * std, "{name}: {off} for {std}");
+        assert!((of(&fit, "std") / std - 1.0).abs() < 0.1, "{name}: {} for {std}", of(&fit, "std"));
+    }
+    let codes: Vec<&Value> = fit["remarks"].as_array().unwrap().iter().map(|remark| &remark["code"]).collect();
+    assert_eq!(codes, ["law-extrapolated"]);
+}
+
+#[test]
 fn records_are_read_back_as_they_were_written_and_documented_by_the_names_of_their_fields() {
     let run = made().join("run");
     let fit: FitRecord = serde_json::from_str(&text(run.join("fit.json"))).unwrap();

@@ -4,6 +4,7 @@
 
 use crate::program;
 use program::{Desk, INSIDE, moved};
+use quadrille::correlate::Regularisation;
 use quadrille::field::{
     ElementMark, Measurement, ModelError, PointField, Status, StrainDefinition, StrainField, StrainWindow,
     StrainWindows, TensorStrain,
@@ -111,6 +112,25 @@ fn rewrite(file: &Path, change: impl Fn(&str) -> String) {
 }
 
 // ---- what is written reads back ----
+
+#[test]
+fn a_penalty_reads_back_whether_it_couples_neighbours_or_their_neighbours() {
+    let mesh = mesh();
+    let gradient = vec![30.0; mesh.zones().len()];
+    for held in [
+        Regularisation::Tikhonov { cutoff_px: 64.0 },
+        Regularisation::EquilibriumGap { cutoff_px: 64.0, poisson: Regularisation::POISSON },
+    ] {
+        let (_folder, path) = written();
+        assert!(Store::open(&path).unwrap().penalty().unwrap().is_none(), "of a run that is not regularised");
+        let penalty = held.penalty(&mesh, &gradient).unwrap();
+        StoreWriter::create_or_open(&path, &header()).unwrap().write_penalty(&penalty).unwrap();
+        let read = Store::open(&path).unwrap().penalty().unwrap().unwrap();
+        assert_eq!((read.blocks(), read.pattern().columns()), (penalty.blocks(), penalty.pattern().columns()));
+        let metadata = fs::read_to_string(path.join("penalty_nodes/zarr.json")).unwrap();
+        assert!(metadata.contains("row and column of each block"), "{metadata}");
+    }
+}
 
 #[test]
 fn fields_and_header_read_back_to_the_same_bits() {

@@ -34,6 +34,10 @@ pub(crate) fn make_or_find(
         writer.write_normal_matrices(&matrices)?;
         writer.write_gradient_noise(&correlator.gradient_noise())?;
     }
+    let has_penalty = store.penalty().is_ok_and(|there| there.is_some());
+    if let (false, Some(penalty)) = (has_penalty, correlator.penalty()) {
+        writer.write_penalty(penalty)?;
+    }
     Ok((writer, store))
 }
 

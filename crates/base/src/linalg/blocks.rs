@@ -405,6 +405,11 @@ impl BlockMatrix {
         Self { pattern, blocks, held: Vec::new() }
     }
 
+    /// The matrix of these blocks, row by row of the pattern; `None` where they are not as many.
+    pub fn of_blocks(pattern: &Arc<Pattern>, blocks: Vec<[f64; 4]>) -> Option<Self> {
+        (blocks.len() == pattern.n_blocks()).then(|| Self { pattern: pattern.clone(), blocks, held: Vec::new() })
+    }
+
     /// The zero matrix.
     pub fn zero(pattern: &Arc<Pattern>) -> Self {
         Self { pattern: pattern.clone(), blocks: vec![[0.0; 4]; pattern.n_blocks()], held: Vec::new() }

@@ -18,6 +18,7 @@ mod solver;
 mod sparse;
 mod spread;
 mod subspace;
+mod without_penalty;
 
 pub use banded_lu::BandedLu;
 pub(crate) use blocks::by_key;
@@ -37,3 +38,4 @@ pub use solver::{Solver, SolverChoice};
 pub use sparse::{SparseMatrix, SparsePattern};
 pub use spread::{Spread, spread};
 pub use subspace::Subspace;
+pub use without_penalty::WithoutPenalty;

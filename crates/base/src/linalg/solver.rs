@@ -232,8 +232,8 @@ impl Solver {
     }
 
     /// The penalty, if the matrix is regularised.
-    pub fn penalty(&self) -> Option<&BlockMatrix> {
-        self.regularised.as_ref().map(|parts| &*parts.penalty)
+    pub fn penalty(&self) -> Option<&Arc<BlockMatrix>> {
+        self.regularised.as_ref().map(|parts| &parts.penalty)
     }
 
     /// The correction of `displacement` for the right-hand side `rhs` of the data. A penalty acts on the whole

@@ -409,8 +409,8 @@ codes! {
             "Leave the entries of such frames out of `instant_weights`.";
         NormalMatrixMissing "normal-matrix-missing" Warning
             "The store holds no normal matrix."
-            "The covariance is that of an even texture without regularisation."
-            "Correlate again without regularisation.";
+            "It was made by an earlier version, or brightness was found for each element. The covariance is that of an even texture."
+            "Correlate again, without brightness = \"element\".";
         ReferenceLater "reference-later" Warning
             "Instants were measured from a later reference."
             "Their covariance is taken to be that of the first reference. Their real uncertainties are larger."

@@ -257,6 +257,7 @@ impl<B: Backend> Correlator<B> {
             solver_name: finest.solver.name(),
             zone_pixels,
             spread,
+            penalty: finest.solver.penalty().cloned(),
             tolerance_px,
             dropped,
             held,

@@ -3,11 +3,11 @@
 use super::{JointFileError, JointMeshFile, JointRun, RunCamera, RunMatrix};
 use crate::camera::{CameraTerm, Rectifier};
 use crate::field::{ElementMark, Elements, Status};
-use crate::linalg::{ElementMatrix, alike};
-use crate::mesh::mean_products;
+use crate::linalg::{ElementMatrix, WithoutPenalty, alike};
+use crate::mesh::{Mesh, mean_products};
 use crate::remark::Remark;
 use crate::store::Store;
-use crate::units::Vector;
+use crate::units::{Px, Vector};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -58,9 +58,16 @@ pub fn read_joint_run(path: &Path, only: Option<&[String; 2]>) -> Result<JointRu
     };
     let (mut frames, mut instants, mut left_out, mut sigma) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut measured_from = Vec::new();
+    let mut matrix = matrix_of(&store, measured)?;
+    let without_penalty = without_penalty(&store, matrix.as_mut())?;
     for number in 1..=store.n_frames() {
         match store.frame(number)?.map(|frame| frame.measurement).filter(|field| field.status == Status::Converged) {
-            Some(field) => {
+            Some(mut field) => {
+                let reference = store.reference_frame(number)?.unwrap_or(0);
+                // From a later reference it acts on another displacement, of another mesh.
+                if let Some(without) = without_penalty.as_ref().filter(|_| reference == 0) {
+                    without.apply(&mut field.displacement, &mut field.sigma, &mut field.measured);
+                }
                 let field = rectifier.rectify(&field);
                 if !field.measured.contains(&true) {
                     left_out.push(number);
@@ -68,11 +75,8 @@ pub fn read_joint_run(path: &Path, only: Option<&[String; 2]>) -> Result<JointRu
                 }
                 for (k, CameraTerm { name, change, .. }) in rectifier.terms(&field).into_iter().enumerate() {
                     if k == camera.len() {
-                        camera.push(RunCamera {
-                            name: name.to_owned(),
-                            is_stated: is_stated(name),
-                            instants: Vec::new(),
-                        });
+                        let (name, instants) = (name.to_owned(), Vec::new());
+                        camera.push(RunCamera { is_stated: is_stated(&name), name, instants });
                     }
                     let in_mm = |u: [f64; 2]| scale.to_mm(Vector::new(u)).components();
                     if let Some(of) = camera.get_mut(k) {
@@ -82,7 +86,7 @@ pub fn read_joint_run(path: &Path, only: Option<&[String; 2]>) -> Result<JointRu
                 let field = field.to_mm(&on_specimen, scale);
                 let at = |(&u, &measured): (&[f64; 2], &bool)| measured.then_some(u);
                 frames.push(number);
-                measured_from.push(store.reference_frame(number)?.unwrap_or(0));
+                measured_from.push(reference);
                 instants.push(field.displacement.iter().zip(&field.measured).take(n_nodes).map(at).collect());
                 sigma.push(field.sigma.into_iter().take(n_nodes).collect());
             }
@@ -94,16 +98,12 @@ pub fn read_joint_run(path: &Path, only: Option<&[String; 2]>) -> Result<JointRu
     }
     let [noise_grey, noise_ratio] = mean_noise(&store, &frames)?;
     let per_mm = 1.0 / (scale.mm_per_px() * scale.mm_per_px());
-    let of_noise = store.gradient_noise()?.unwrap_or_default();
-    let of_noise = of_noise.iter().take(n_elements).enumerate().map(|(element, factor)| {
-        // The two components are not coupled: turning changes nothing.
-        alike(mean_products(measured.corners(element)), per_mm * factor)
-    });
-    let of_noise: Vec<ElementMatrix> = of_noise.collect();
-    let normal_matrix = store.normal_matrices()?.map(|list| RunMatrix {
-        corners: measured.elements().iter().take(n_elements).copied().collect(),
-        matrices: list.into_iter().take(n_elements).map(|matrix| flip_y(matrix, per_mm)).collect(),
-        of_noise,
+    let in_mm =
+        |list: Vec<ElementMatrix>| list.into_iter().take(n_elements).map(|matrix| flip_y(matrix, per_mm)).collect();
+    let normal_matrix = matrix.map(|RunMatrix { corners, matrices, of_noise }| RunMatrix {
+        corners: corners.into_iter().take(n_elements).collect(),
+        matrices: in_mm(matrices),
+        of_noise: in_mm(of_noise),
     });
     Ok(JointRun {
         path: path.to_owned(),
@@ -121,6 +121,35 @@ pub fn read_joint_run(path: &Path, only: Option<&[String; 2]>) -> Result<JointRu
         camera,
         warnings: warnings_beside(path),
     })
+}
+
+/// The normal matrix of the correlation, px and y down, on the mesh as it is `measured`; `None` where none was kept.
+fn matrix_of(store: &Store, measured: &Mesh<Px>) -> Result<Option<RunMatrix>, JointFileError> {
+    let of_noise = store.gradient_noise()?.unwrap_or_default();
+    let of_noise = of_noise.iter().enumerate();
+    let of_noise = of_noise.map(|(element, factor)| alike(mean_products(measured.corners(element)), *factor)).collect();
+    let corners = measured.elements().to_vec();
+    Ok(store.normal_matrices()?.map(|matrices| RunMatrix { corners, matrices, of_noise }))
+}
+
+/// What takes the penalty out of the fields of a regularised run, and out of its matrix the nodes that the images alone
+/// say nothing of; `None` of other runs.
+fn without_penalty(store: &Store, matrix: Option<&mut RunMatrix>) -> Result<Option<WithoutPenalty>, JointFileError> {
+    let (Some(matrix), Some(penalty)) = (matrix, store.penalty()?) else { return Ok(None) };
+    let frames: Vec<usize> = (1..=store.n_frames()).collect();
+    let [noise, _] = mean_noise(store, &frames)?;
+    let noise = noise.unwrap_or(0.0);
+    let (texture, _) = matrix.without_noise(noise);
+    let mesh = store.mesh();
+    let without = WithoutPenalty::new(mesh.nodes(), mesh.elements(), &texture.matrices, penalty, noise);
+    let without = without.map_err(|fault| {
+        let what = format!("the images say nothing of node {}: correlate again without it", fault.node);
+        JointFileError::file(store.path(), what)
+    })?;
+    for list in [&mut matrix.matrices, &mut matrix.of_noise] {
+        list.iter_mut().zip(&matrix.corners).for_each(|(of, corners)| without.forget(of, corners));
+    }
+    Ok(Some(without))
 }
 
 /// Of each of the first `n` elements, whether it shows no texture. That is the reference's: the same in all frames.

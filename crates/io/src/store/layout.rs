@@ -14,6 +14,8 @@ use zarrs::metadata::ChunkKeySeparator;
 pub(super) const VERSION: u64 = 1;
 pub(super) const NORMAL_MATRICES: &str = "normal_matrix";
 pub(super) const REFERENCE_FRAME: &str = "reference_frame";
+pub(super) const PENALTY: &str = "penalty";
+pub(super) const PENALTY_NODES: &str = "penalty_nodes";
 pub(super) const GRADIENT_NOISE: &str = "gradient_noise";
 pub(super) const NOISE: &str = "noise_grey";
 /// Status of a frame that is not done: the fill value of the array.
@@ -301,12 +303,29 @@ impl Form {
         let about = [
             "grey levels^2/px^2",
             "normal matrix M of the correlation, element by element: upper triangle by rows of the 8 by 8 matrix, unknown \
-             2 k + c is component c of corner k. The displacements have the covariance 2 sigma^2 M^-1. Not there when the \
-             run was regularised or brightness was solved for each element. It holds the noise of the gradient: M0 = M - \
+             2 k + c is component c of corner k. The displacements have the covariance 2 sigma^2 M^-1; of a regularised run \
+             see penalty. Not there with splines, or where brightness was solved for each element. It holds the noise of the gradient: M0 = M - \
              sigma^2 gradient_noise mean(psi_i psi_j), and Cov = sigma^2 [(1/k + gain^2) M0^-1 + gain^2 v M0^-1 (M - M0) \
              M0^-1] for the mean of k references",
         ];
         Self::constant(NORMAL_MATRICES, Number::F64, &[("element", n_elements), ("entry", 36)], about)
+    }
+
+    /// Only of a regularised run.
+    pub fn penalty(n_blocks: usize) -> Self {
+        let about = [
+            "grey levels^2/px^2",
+            "w R of the regularisation, block by block: xx, xy, yx, yy of the nodes in penalty_nodes. The field has come to \
+             rest where the right-hand side of the images is w R u: what they alone say is u + M0^-1 w R u, with the \
+             covariance that normal_matrix tells",
+        ];
+        Self::constant(PENALTY, Number::F64, &[("block", n_blocks), ("entry", 4)], about)
+    }
+
+    /// Only of a regularised run.
+    pub fn penalty_nodes(n_blocks: usize) -> Self {
+        let about = ["1", "row and column of each block of penalty: numbers of nodes, from 0"];
+        Self::constant(PENALTY_NODES, Number::U32, &[("block", n_blocks), ("place", 2)], about)
     }
 
     /// Not in the stores of earlier versions.

@@ -3,8 +3,8 @@
 use super::attributes::Attributes;
 use super::folder::Folder;
 use super::layout::{
-    Form, GRADIENT_NOISE, NO_POINT, NOISE, NORMAL_MATRICES, NOT_DONE, Place, REFERENCE_FRAME, UNKNOWN_MARK, Variable,
-    codec_options,
+    Form, GRADIENT_NOISE, NO_POINT, NOISE, NORMAL_MATRICES, NOT_DONE, PENALTY, Place, REFERENCE_FRAME, UNKNOWN_MARK,
+    Variable, codec_options,
 };
 use super::{STORE, StoreError, StoreHeader};
 use crate::arrays::{Number, Values};
@@ -12,7 +12,7 @@ use crate::case::{CaseCamera, CaseCameraError};
 use crate::field::{
     ElementMark, Measurement, ModelError, PointField, Status, StrainField, TensorStrain, WindowStrains,
 };
-use crate::linalg::ElementMatrix;
+use crate::linalg::{BlockMatrix, ElementMatrix, Pattern};
 use crate::mesh::{Mesh, ZoneElements};
 use crate::units::Px;
 use std::fs;
@@ -120,6 +120,23 @@ impl Store {
             return Ok(None);
         }
         Ok(Some(constant::<f64>(&self.folder, &Form::gradient_noise(self.mesh().n_elements()))?.1))
+    }
+
+    /// The penalty `w R` of a regularised run (px and y down); `None` of others, and in the stores of earlier versions.
+    ///
+    /// # Errors
+    /// A chunk that is damaged or not there.
+    pub fn penalty(&self) -> Result<Option<BlockMatrix>, StoreError> {
+        if !self.folder.has(PENALTY) {
+            return Ok(None);
+        }
+        // It couples nodes of one element, or neighbours of neighbours.
+        let mut pattern = Pattern::new(self.mesh().n_nodes(), self.mesh().elements());
+        if Form::penalty(pattern.n_blocks()).open(&self.folder).is_err() {
+            pattern = pattern.widened();
+        }
+        let (_, values) = constant::<f64>(&self.folder, &Form::penalty(pattern.n_blocks()))?;
+        Ok(BlockMatrix::of_blocks(&Arc::new(pattern), values.as_chunks::<4>().0.to_vec()))
     }
 
     /// Noise of one image in frame `number` (from 1), grey levels: the one that its uncertainty is made with, and that

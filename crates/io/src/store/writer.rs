@@ -3,12 +3,13 @@
 use super::attributes::Attributes;
 use super::folder::{Folder, PART};
 use super::layout::{
-    Form, GRADIENT_NOISE, NO_POINT, NOISE, NORMAL_MATRICES, REFERENCE_FRAME, UNKNOWN_MARK, Variable, codec_options,
+    Form, GRADIENT_NOISE, NO_POINT, NOISE, NORMAL_MATRICES, PENALTY, PENALTY_NODES, REFERENCE_FRAME, UNKNOWN_MARK,
+    Variable, codec_options,
 };
 use super::reader::{Store, place_of};
 use super::{StoreError, StoreHeader};
 use crate::field::{Measurement, Status, StrainDefinition, StrainField, TensorStrain};
-use crate::linalg::ElementMatrix;
+use crate::linalg::{BlockMatrix, ElementMatrix};
 use crate::mesh::Mesh;
 use crate::units::Px;
 use std::fs;
@@ -331,6 +332,18 @@ impl StoreWriter {
         write_constant(&self.folder, &Form::gradient_noise(of_elements.len()), of_elements)
     }
 
+    /// Adds the penalty of a regularised correlation.
+    ///
+    /// # Errors
+    /// What the file system refuses.
+    pub fn write_penalty(&self, penalty: &BlockMatrix) -> Result<(), StoreError> {
+        let pattern = penalty.pattern();
+        let row = |node: usize| pattern.neighbours(node).iter().flat_map(move |&other| [node as u32, other]);
+        let nodes: Vec<u32> = (0..pattern.n_nodes()).flat_map(row).collect();
+        write_constant(&self.folder, &Form::penalty_nodes(pattern.n_blocks()), nodes.as_slice())?;
+        write_constant(&self.folder, &Form::penalty(pattern.n_blocks()), penalty.blocks().as_flattened())
+    }
+
     /// Notes the noise of one image in frame `number` (from 1), grey levels: the one used, and that of the residual.
     /// Nothing happens in a store that an earlier version made.
     ///
@@ -591,6 +604,8 @@ pub fn remove_store(path: &Path) -> Result<(), StoreError> {
         "element_zone",
         NORMAL_MATRICES,
         GRADIENT_NOISE,
+        PENALTY,
+        PENALTY_NODES,
         NOISE,
         REFERENCE_FRAME,
     ];

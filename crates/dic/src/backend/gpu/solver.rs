@@ -227,7 +227,7 @@ impl ConjugateGradients {
         Ok(Self {
             jacobi: gpu.filled(&jacobi, "the nodal blocks")?,
             blocks: stored(matrix)?,
-            penalty: solver.penalty().map(stored).transpose()?,
+            penalty: solver.penalty().map(|penalty| stored(penalty)).transpose()?,
             n,
             pattern,
         })

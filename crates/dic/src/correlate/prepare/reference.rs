@@ -2,8 +2,8 @@
 
 use crate::backend::{ElementMoments, GreyTransfer, KernelOptions};
 use crate::correlate::{BareBorder, Correlation, NodalSpread, Options, TextureFault, ZoneResult, gradient_sums};
-use crate::field::Brightness;
-use crate::linalg::ElementMatrix;
+use crate::field::{Brightness, Elements};
+use crate::linalg::{BlockMatrix, ElementMatrix};
 use crate::mesh::{Mesh, PixelSet};
 use crate::units::Px;
 use std::sync::Arc;
@@ -23,6 +23,8 @@ pub struct Reference {
     /// The pixels of each zone that are summed over.
     pub(crate) zone_pixels: Vec<PixelSet>,
     pub(crate) spread: NodalSpread,
+    /// That of the finest level.
+    pub(crate) penalty: Option<Arc<BlockMatrix>>,
     pub(crate) tolerance_px: f64,
     pub(crate) dropped: Vec<TextureFault>,
     pub(crate) held: Vec<TextureFault>,
@@ -108,10 +110,15 @@ impl Reference {
     }
 
     /// The normal matrices of the elements of the finest level, whose sum `M` gives the covariance `2 sigma^2 M^-1` of
-    /// every field; `None` with regularisation, splines, or brightness for each element, where it is none of these.
+    /// every field that is not held; `None` with splines, or brightness for each element, where it is none of these.
     pub fn normal_matrices(&self) -> Option<Vec<ElementMatrix>> {
-        let plain = !self.options.is_held() && self.options.brightness != Brightness::Element;
+        let plain = self.options.elements == Elements::Bilinear && self.options.brightness != Brightness::Element;
         plain.then(|| self.moments.iter().map(|moments| moments.matrix()).collect())
+    }
+
+    /// The penalty `w R` of a regularisation on the finest level.
+    pub fn penalty(&self) -> Option<&BlockMatrix> {
+        self.penalty.as_deref()
     }
 
     /// What noise in the reference adds to [`Reference::normal_matrices`], per element: `G n / k` with the noise gain G

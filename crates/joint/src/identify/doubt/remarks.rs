@@ -86,8 +86,8 @@ pub(crate) fn force_unknown(without: Vec<usize>) -> Option<Remark> {
 }
 
 pub(crate) fn normal_matrix_missing() -> Remark {
-    let text = "the store holds no normal matrix (the run was regularised, or made by an earlier version): the \
-                covariance is that of an even texture without regularisation";
+    let text = "the store holds no normal matrix (of an earlier version, or with brightness for each element): the \
+                covariance is that of an even texture";
     Remark::new(Code::NormalMatrixMissing, About::Run, text)
 }
 
