@@ -6,6 +6,8 @@ use crate::mechanics_common;
 use mechanics_common::{Pulled, measured_table, pulled};
 use quadrille::identify::{Case, Ended, Fit, FitProgress, FitStatus, FitWatch, Misfit, Outcome, fit};
 use quadrille::io::joint::read_joint;
+use quadrille::mechanics::cohesive::ExtendedXuNeedleman;
+use quadrille::mechanics::{JointMesh, Model, ModelOptions, NodalField};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -218,4 +220,71 @@ fn what_the_case_admits_not_to_know_rejects_nothing() {
     assert!(uncertain.constants > exact.constants, "{} and {}", uncertain.constants, exact.constants);
     assert!(uncertain.z < exact.z, "{} and {}", uncertain.z, exact.z);
     assert!(!uncertain.rejected(), "{uncertain:?}");
+}
+
+/// The pulled joint at each instant, and how its displacements follow where the adhesive is thicker, by these shares of its
+/// 12 elements.
+fn by_thickness(along: &[f64]) -> Vec<NodalField> {
+    let mesh = JointMesh::rectangular(12, 4, 0.0309, 0.06).unwrap();
+    let nodes = mesh.outer_nodes();
+    let model = Model::new(mesh, mechanics_common::aluminium(2), &nodes, ModelOptions::default()).unwrap();
+    let law = ExtendedXuNeedleman::new(1.0, 0.005, 0.05, 4.0).unwrap();
+    truth().fields.iter().map(|u| model.linearise(&law, u).unwrap().by_thickness(along)).collect()
+}
+
+#[test]
+fn a_thicker_adhesive_is_one_whose_law_has_longer_separations_and_works_at_the_same_tractions() {
+    let mesh = JointMesh::rectangular(12, 4, 0.0309, 0.06).unwrap();
+    let nodes = mesh.outer_nodes();
+    let model = Model::new(mesh, mechanics_common::aluminium(2), &nodes, ModelOptions::default()).unwrap();
+    let law = ExtendedXuNeedleman::new(1.0, 0.005, 0.05, 4.0).unwrap();
+    for (u, thicker) in truth().fields.iter().zip(by_thickness(&[1.0; 12])) {
+        // phi_n, delta_n, delta_t grow in proportion; r is a ratio.
+        let by_law = model.linearise(&law, u).unwrap().by_law();
+        let largest = thicker.iter().flatten().fold(0.0f64, |most, v| most.max(v.abs()));
+        for (node, by) in thicker.iter().enumerate() {
+            for (c, by) in by.iter().enumerate() {
+                let sum = by_law[0][node][c] + 0.005 * by_law[1][node][c] + 0.05 * by_law[2][node][c];
+                assert!((by - sum).abs() < 1e-9 * largest, "{node}: {by} {sum}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_thickness_that_varies_along_the_joint_is_said_with_the_place_whose_law_is_found() {
+    let along: Vec<f64> = (0..12).map(|k| (f64::from(k) + 0.5) / 12.0 - 0.5).collect();
+    let varied = by_thickness(&along);
+    let fit_of = |seed: u64, change: f64| {
+        let folder = folder(seed, 0.02, SUBSTRATE, COHESIVE, &stated(0.02), THREE);
+        let (mut random, noise) = (ChaCha8Rng::seed_from_u64(seed), Normal::new(0.0, 0.02 * PX).unwrap());
+        let add = |(u, by): (&[f64; 2], &[f64; 2])| [0, 1].map(|c| u[c] + change * by[c]);
+        let fields: Vec<NodalField> =
+            truth().fields.iter().zip(&varied).map(|(u, by)| u.iter().zip(by).map(add).collect()).collect();
+        let measured = measured_table(&fields, || noise.sample(&mut random));
+        std::fs::write(folder.path().join("measured.csv"), measured).unwrap();
+        // Of so short a joint constants that are uncertain could do as much.
+        let case = folder.path().join("case.toml");
+        let exact = std::fs::read_to_string(&case).unwrap().replace("exact = [\"rotations\"]", "exact = true");
+        std::fs::write(&case, exact).unwrap();
+        fitted(&folder)
+    };
+    let words = "change along the joint";
+    // One in a thousand is said by chance.
+    for seed in 1..=8 {
+        let even = fit_of(seed, 0.0);
+        let found = even.along.as_ref().unwrap();
+        assert!(!found.contradicts && found.change.abs() < 4.0 * found.std, "{found:?}");
+        assert!(!even.verdict.sentences.iter().any(|sentence| sentence.contains(words)));
+    }
+    let fit = fit_of(9, 0.2);
+    let found = fit.along.as_ref().unwrap();
+    assert!(found.contradicts && (found.change - 0.2).abs() < 3.0 * found.std + 0.01, "{found:?}");
+    assert_eq!(fit.verdict.outcome, Outcome::Rejected);
+    assert!(fit.verdict.sentences.iter().any(|sentence| sentence.contains(words)), "{:?}", fit.verdict.sentences);
+    // The fit has found the separations and the work of that place.
+    let there = 1.0 + 0.2 * (found.place_mm / found.length_mm - 0.5);
+    assert!((found.length_mm - 12.0 * 0.0309).abs() < 1e-9);
+    let phi_n = &fit.parameters[0];
+    assert!((phi_n.value - there).abs() < 3.0 * phi_n.std_noise.unwrap() + 0.01, "{} for {there}", phi_n.value);
 }

@@ -35,6 +35,7 @@ pub use doubt::released::{Released, ReleasedParameter};
 pub use doubt::released_width::ReleasedWidth;
 pub use doubt::rotations::{ROTATIONS_HELD, ROTATIONS_TOLD, Rotations, describe_change};
 pub use doubt::significance::NOISE_LEVEL_STD;
+pub use doubt::thickness_along::ThicknessAlong;
 pub use doubt::verdict::{
     Grounds, LARGEST_CORRELATION, LARGEST_FAILED, LARGEST_NOISE_RATIO, LARGEST_STD, Outcome, Verdict,
 };

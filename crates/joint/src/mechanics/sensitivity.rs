@@ -58,6 +58,13 @@ impl Linearised<'_> {
         solve(self.model, &self.work, &loads(self.model, &forces, &self.work))
     }
 
+    /// `dU/dh` where the adhesive of each interface element is thicker by its share `along` of `h`, as of one whose
+    /// strains, not separations, make its tractions.
+    pub fn by_thickness(&self, along: &[f64]) -> NodalField {
+        let force = self.model.force_by_thickness(self.law, &self.u, along);
+        solve(self.model, &self.work, &loads(self.model, &[force], &self.work)).swap_remove(0)
+    }
+
     /// `-K_ff^-1 F_f` for each of `forces` (internal nodal forces, N/mm): how the free nodes follow when something else
     /// than the displacements adds the force, to first order; zero at prescribed nodes.
     ///

@@ -1,6 +1,7 @@
 //! Do force and displacements want the same parameters? The width of the specimen as one more unknown, and other faults
 //! of a load, each alone.
 
+use super::one_more::OneMore;
 use crate::identify::{ConstantEffect, ConstantKind, Evaluation, NORMAL_95, ObservedInstant, Problem, Weights};
 use crate::linalg::Dense;
 
@@ -33,30 +34,13 @@ pub struct LoadFault {
     pub gain: f64,
 }
 
-/// One more unknown: its value, its standard uncertainty by the noise, and that of all that is uncertain.
-struct Unknown {
-    value: f64,
-    std: f64,
-    allowed: f64,
-    gain: f64,
-}
-
 /// Takes a change of the rows as one more unknown, which of the constants is the same, and how well that is known.
-type Release<'a> = dyn Fn(&[Dense], &dyn Fn(&ConstantKind) -> bool, f64) -> Option<Unknown> + 'a;
-
-impl Unknown {
-    fn contradicts(&self) -> bool {
-        self.gain > ReleasedWidth::LIMIT && self.value.abs() > NORMAL_95 * self.allowed
-    }
-}
+type Release<'a> = dyn Fn(&[Dense], &dyn Fn(&ConstantKind) -> bool, f64) -> Option<OneMore> + 'a;
 
 impl ReleasedWidth {
-    /// Fall of the objective that a right width exceeds in one of a thousand cases.
-    pub const LIMIT: f64 = 10.83;
-
     /// Whether the data refuse the width.
     pub fn contradicts(&self) -> bool {
-        self.gain > Self::LIMIT && (self.value_mm - self.prescribed_mm).abs() > NORMAL_95 * self.allowed_mm
+        self.gain > OneMore::LIMIT && (self.value_mm - self.prescribed_mm).abs() > NORMAL_95 * self.allowed_mm
     }
 
     /// What there is to say, where force and displacements contradict each other.
@@ -100,22 +84,9 @@ impl Problem<'_> {
             self.observation.column(observed.index, |_, _| 0.0, |cell| cell.reaction(model, &*law, u).value)
         };
         let change: Vec<Dense> = self.observation.instants.iter().map(by_width).collect();
-        let a = evaluation.local(weights, &self.noise).h.cholesky().ok()?.inverse();
-        // A change of the rows as one more unknown beside all parameters, `own` among the constants.
         let release = |change: &[Dense], own: &dyn Fn(&ConstantKind) -> bool, prescribed_std: f64| {
-            let (square, left) = self.not_absorbed(weights, &evaluation.jacobian(), &a, change);
-            let weighted = weights.times(&self.noise, &left);
-            let moved = |rows: &[Dense]| {
-                weighted.iter().zip(rows).map(|(w, rows)| w.transposed_times(rows)[(0, 0)]).sum::<f64>() / square
-            };
-            let value = moved(&evaluation.residual());
             let others = effects.iter().filter(|effect| !own(&effect.constant.kind));
-            let by_others: f64 = others.map(|effect| moved(&effect.rows).powi(2)).sum();
-            let by_size = refined.map_or(0.0, moved);
-            let std = square.sqrt().recip();
-            let allowed = (std * std + by_others + by_size * by_size + prescribed_std * prescribed_std).sqrt();
-            let unknown = Unknown { value, std, allowed, gain: value * value * square };
-            (unknown.gain.is_finite() && allowed.is_finite()).then_some(unknown)
+            self.one_more_unknown(change, (evaluation, weights), refined, others, prescribed_std)
         };
         let width = release(&change, &|kind| *kind == ConstantKind::Width, prescribed_std)?;
         let others = self.other_faults(&change, cell.width_mm, effects, &release);
@@ -140,8 +111,8 @@ impl Problem<'_> {
         let instants = &self.observation.instants;
         let Some(row) = self.observation.force_row() else { return Vec::new() };
         let mut faults = Vec::new();
-        let mut add = |unknown: Option<Unknown>, text: &dyn Fn(&Unknown) -> String| {
-            let asked = unknown.filter(Unknown::contradicts);
+        let mut add = |unknown: Option<OneMore>, text: &dyn Fn(&OneMore) -> String| {
+            let asked = unknown.filter(OneMore::contradicts);
             faults.extend(asked.map(|unknown| LoadFault { text: text(&unknown), gain: unknown.gain }));
         };
         let of_force = |k: usize, force: f64| self.observation.column(instants[k].index, |_, _| 0.0, |_| force);

@@ -2,7 +2,7 @@
 
 use crate::identify::{
     FittedParameter, FittedQuantity, IntervalBasis, Misfit, MissingMode, ROTATIONS_HELD, Released, ReleasedWidth,
-    Rotations, as_normal,
+    Rotations, ThicknessAlong, as_normal,
 };
 use crate::linalg::Dense;
 
@@ -66,6 +66,8 @@ pub struct Grounds<'a> {
     pub released: Option<&'a Released>,
     /// The width of the specimen as an unknown, where a load cell takes part.
     pub width: Option<&'a ReleasedWidth>,
+    /// The thickness along the joint as an unknown.
+    pub along: Option<&'a ThicknessAlong>,
     /// Standard uncertainty of each of those, as the error budget has it; zero where the value is exact.
     pub released_std: &'a [f64],
     /// Noise that the residual shows over the noise that was used, where both are known.
@@ -250,6 +252,7 @@ pub(crate) fn find_contradictions(grounds: &Grounds<'_>) -> Vec<String> {
         }
     }
     sentences.extend(grounds.width.and_then(ReleasedWidth::sentence));
+    sentences.extend(grounds.along.and_then(ThicknessAlong::sentence));
     if let Some(released) = grounds.released.filter(|released| released.significant()) {
         for (p, &std) in released.parameters.iter().zip(grounds.released_std) {
             if p.contradicts(std) {

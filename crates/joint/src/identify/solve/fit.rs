@@ -8,8 +8,8 @@ use crate::identify::{
     Axes, Base, Budget, COARSE, ConstantEffect, ConstantKind, End, Ended, Evaluation, FitError, FitOptions, FitStatus,
     Fitted, FittedParameter, FittedQuantity, Grounds, Ingredients, IntervalBasis, Iteration, LARGEST_STD, Local,
     Misfit, Problem, Refined, Refinement, Released, ReleasedWidth, Rotations, Stage, StartEnd, Statistics,
-    TrustRegionOptions, Unknown, Unknowns, Verdict, Weights, assess, extrapolated, full_weights, furthest,
-    implausible_result, interval95, other_minima, settle,
+    ThicknessAlong, TrustRegionOptions, Unknown, Unknowns, Verdict, Weights, assess, extrapolated, full_weights,
+    furthest, implausible_result, interval95, other_minima, settle,
 };
 use crate::io::case::{Discretisation, Intervals, WeightKind};
 use crate::linalg::Dense;
@@ -63,6 +63,8 @@ pub struct Fit {
     pub released: Option<Released>,
     /// What the width of the specimen would be as an unknown; `None` without a load cell in the fit.
     pub width: Option<ReleasedWidth>,
+    /// The thickness along the joint as an unknown.
+    pub along: Option<ThicknessAlong>,
     /// What it all comes to.
     pub verdict: Verdict,
     /// What noise does; `None` without covariance.
@@ -252,6 +254,7 @@ struct Doubts {
     misfit: Option<Misfit>,
     released: Option<Released>,
     width: Option<ReleasedWidth>,
+    along: Option<ThicknessAlong>,
 }
 
 impl Appraisal<'_> {
@@ -332,7 +335,8 @@ impl Appraisal<'_> {
         let width_std = options.constants.iter().find(|constant| constant.kind == ConstantKind::Width);
         let width_std = width_std.map_or(0.0, |constant| constant.std);
         let width = problem.width_as_unknown(evaluation, weights, change, constants, width_std);
-        Ok(Doubts { misfit: Some(misfit), released: released.filter(|_| !ended), width })
+        let along = problem.thickness_along(evaluation, weights, statistics, change, constants);
+        Ok(Doubts { misfit: Some(misfit), released: released.filter(|_| !ended), width, along })
     }
 }
 
@@ -411,6 +415,7 @@ fn appraise(
         misfit: doubts.misfit,
         released: doubts.released,
         width: doubts.width,
+        along: doubts.along,
         verdict: Verdict::default(),
         constants,
         budget,
@@ -449,6 +454,7 @@ fn judge(problem: &Problem<'_>, options: &FitOptions, of: &Fit, h: &Dense) -> Ve
                 misfit: of.misfit.as_ref(),
                 released,
                 width: of.width.as_ref(),
+                along: of.along.as_ref(),
                 released_std: &prescribed,
                 intervals: of.intervals.as_ref(),
                 noise_ratio: problem.noise.ratio,

@@ -254,6 +254,17 @@ impl Interface {
         stiffness
     }
 
+    /// Derivative of the nodal forces by the thickness of the adhesive, relative, at fixed displacements: a separation is
+    /// strain times thickness, so that `T(jump / thickness)` falls by the tangent times the jump.
+    pub fn force_by_thickness(&self, law: &dyn CohesiveLaw, u: &ElementVector) -> ElementVector {
+        let mut force = ElementVector::zeros();
+        self.for_each(u, |point, jump, b| {
+            let by = -(law.response(jump).tangent * Vector2::new(jump.normal, jump.tangential));
+            point.add_force(b, Traction { normal: by.x, tangential: by.y }, &mut force);
+        });
+        force
+    }
+
     /// Derivatives of the forces by each parameter of the law, at fixed `u`.
     pub fn force_by_parameters(&self, law: &dyn CohesiveLaw, u: &ElementVector) -> Vec<ElementVector> {
         let n = law.parameters().len();

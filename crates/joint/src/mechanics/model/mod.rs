@@ -601,6 +601,19 @@ impl Model {
         sums
     }
 
+    /// Derivative of the internal force where the adhesive is thicker, by the share `along` of each interface element, at
+    /// fixed displacements, at every node.
+    pub(super) fn force_by_thickness(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]], along: &[f64]) -> Vec<[f64; 2]> {
+        let mut sum = vec![[0.0; 2]; self.mesh.nodes().len()];
+        let touching = Touching(law);
+        for ((k, interface), along) in self.interfaces.iter().enumerate().zip(along) {
+            let element = self.quads.len() + k;
+            let force = interface.force_by_thickness(self.bond(k, law, &touching), &self.gather(element, u));
+            add_at(&self.corners[element], &(force * *along), &mut sum);
+        }
+        sum
+    }
+
     /// Derivatives of the internal force by each parameter of the material of `group`.
     pub(super) fn force_by_material(&self, group: usize, u: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
         let material = &*self.materials[group];
