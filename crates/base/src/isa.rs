@@ -98,33 +98,47 @@ pub fn mul_add<const FMA: bool>(a: f32, b: f32, c: f32) -> f32 {
     if FMA { a.mul_add(b, c) } else { a * b + c }
 }
 
-/// Compiles `$body::<FMA, generics...>` for every instruction path and calls the one that `isa` names.
+/// Compiles `$body::<FMA, generics...>` for every instruction path and calls the one that `isa` names. Each path is a
+/// module: the compiler works on modules side by side, and one kernel takes it longer than all the rest of a crate.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! multiversioned {
     ($(#[$attr:meta])* $vis:vis fn $name:ident [$($decl:tt)*] [$($gen:ident),*] ($($arg:ident : $ty:ty),* $(,)?) $(-> $ret:ty)? => $body:ident) => {
+        #[allow(unused_imports, clippy::too_many_arguments, reason = "of what the kernels have in common")]
+        mod $name {
+            #[cfg(target_arch = "x86_64")]
+            pub(super) mod avx512 {
+                use super::super::*;
+                #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma")]
+                pub(in super::super) fn run<$($decl)*>($($arg: $ty),*) $(-> $ret)? { $body::<true, $($gen),*>($($arg),*) }
+            }
+            #[cfg(target_arch = "x86_64")]
+            pub(super) mod avx2 {
+                use super::super::*;
+                #[target_feature(enable = "avx2,fma")]
+                pub(in super::super) fn run<$($decl)*>($($arg: $ty),*) $(-> $ret)? { $body::<true, $($gen),*>($($arg),*) }
+            }
+            pub(super) mod baseline {
+                use super::super::*;
+                pub(in super::super) fn run<$($decl)*>($($arg: $ty),*) $(-> $ret)? {
+                    $body::<{ cfg!(target_arch = "aarch64") }, $($gen),*>($($arg),*)
+                }
+            }
+        }
         $(#[$attr])*
         #[allow(clippy::too_many_arguments, reason = "as many as the kernel has")]
         $vis fn $name<$($decl)*>(isa: $crate::isa::Isa, $($arg: $ty),*) $(-> $ret)? {
             #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma")]
-                #[allow(clippy::too_many_arguments, reason = "as many as the kernel has")]
-                fn avx512<$($decl)*>($($arg: $ty),*) $(-> $ret)? { $body::<true, $($gen),*>($($arg),*) }
-                #[target_feature(enable = "avx2,fma")]
-                #[allow(clippy::too_many_arguments, reason = "as many as the kernel has")]
-                fn avx2<$($decl)*>($($arg: $ty),*) $(-> $ret)? { $body::<true, $($gen),*>($($arg),*) }
-                #[allow(unsafe_code, reason = "see `isa`")]
-                match isa.path() {
-                    // SAFETY: an `Isa` of this kind is made only after its features were detected.
-                    $crate::isa::Path::Avx512 => return unsafe { avx512::<$($gen),*>($($arg),*) },
-                    // SAFETY: as above.
-                    $crate::isa::Path::Avx2 => return unsafe { avx2::<$($gen),*>($($arg),*) },
-                    _ => {}
-                }
+            #[allow(unsafe_code, reason = "see `isa`")]
+            match isa.path() {
+                // SAFETY: an `Isa` of this kind is made only after its features were detected.
+                $crate::isa::Path::Avx512 => return unsafe { $name::avx512::run::<$($gen),*>($($arg),*) },
+                // SAFETY: as above.
+                $crate::isa::Path::Avx2 => return unsafe { $name::avx2::run::<$($gen),*>($($arg),*) },
+                _ => {}
             }
             let _ = isa;
-            $body::<{ cfg!(target_arch = "aarch64") }, $($gen),*>($($arg),*)
+            $name::baseline::run::<$($gen),*>($($arg),*)
         }
     };
 }
