@@ -101,8 +101,8 @@ fn a_regularised_correlation_gives_the_law_that_a_plain_one_gives() {
         assert!(off.abs() < 1.5 * std, "{name}: {off} for {std}");
         assert!((of(&fit, "std") / std - 1.0).abs() < 0.1, "{name}: {} for {std}", of(&fit, "std"));
     }
-    let codes: Vec<&Value> = fit["remarks"].as_array().unwrap().iter().map(|remark| &remark["code"]).collect();
-    assert_eq!(codes, ["law-extrapolated"]);
+    let remarks = fit["remarks"].as_array().unwrap();
+    assert!(remarks.iter().all(|remark| remark["code"] != "normal-matrix-missing"), "{remarks:?}");
 }
 
 #[test]
