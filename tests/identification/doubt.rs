@@ -256,17 +256,15 @@ fn a_thickness_that_varies_along_the_joint_is_said_with_the_place_whose_law_is_f
     let along: Vec<f64> = (0..12).map(|k| (f64::from(k) + 0.5) / 12.0 - 0.5).collect();
     let varied = by_thickness(&along);
     let fit_of = |seed: u64, change: f64| {
-        let folder = folder(seed, 0.02, SUBSTRATE, COHESIVE, &stated(0.02), THREE);
+        // Of so short a joint constants that are uncertain could do as much.
+        let exact = [SUBSTRATE, COHESIVE].map(|section| format!("{section}exact = true\n"));
+        let folder = folder(seed, 0.02, &exact[0], &exact[1], &stated(0.02), THREE);
         let (mut random, noise) = (ChaCha8Rng::seed_from_u64(seed), Normal::new(0.0, 0.02 * PX).unwrap());
         let add = |(u, by): (&[f64; 2], &[f64; 2])| [0, 1].map(|c| u[c] + change * by[c]);
         let fields: Vec<NodalField> =
             truth().fields.iter().zip(&varied).map(|(u, by)| u.iter().zip(by).map(add).collect()).collect();
         let measured = measured_table(&fields, || noise.sample(&mut random));
         std::fs::write(folder.path().join("measured.csv"), measured).unwrap();
-        // Of so short a joint constants that are uncertain could do as much.
-        let case = folder.path().join("case.toml");
-        let exact = std::fs::read_to_string(&case).unwrap().replace("exact = [\"rotations\"]", "exact = true");
-        std::fs::write(&case, exact).unwrap();
         fitted(&folder)
     };
     let words = "change along the joint";
@@ -277,13 +275,13 @@ fn a_thickness_that_varies_along_the_joint_is_said_with_the_place_whose_law_is_f
         assert!(!found.contradicts && found.change.abs() < 4.0 * found.std, "{found:?}");
         assert!(!even.verdict.sentences.iter().any(|sentence| sentence.contains(words)));
     }
-    let fit = fit_of(9, 0.2);
+    let fit = fit_of(9, 0.3);
     let found = fit.along.as_ref().unwrap();
-    assert!(found.contradicts && (found.change - 0.2).abs() < 3.0 * found.std + 0.01, "{found:?}");
+    assert!(found.contradicts && (found.change - 0.3).abs() < 3.0 * found.std + 0.01, "{found:?}");
     assert_eq!(fit.verdict.outcome, Outcome::Rejected);
     assert!(fit.verdict.sentences.iter().any(|sentence| sentence.contains(words)), "{:?}", fit.verdict.sentences);
     // The fit has found the separations and the work of that place.
-    let there = 1.0 + 0.2 * (found.place_mm / found.length_mm - 0.5);
+    let there = 1.0 + 0.3 * (found.place_mm / found.length_mm - 0.5);
     assert!((found.length_mm - 12.0 * 0.0309).abs() < 1e-9);
     let phi_n = &fit.parameters[0];
     assert!((phi_n.value - there).abs() < 3.0 * phi_n.std_noise.unwrap() + 0.01, "{} for {there}", phi_n.value);
