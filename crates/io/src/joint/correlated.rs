@@ -22,7 +22,8 @@ pub struct JointRun {
     pub instants: Vec<Vec<Option<[f64; 2]>>>,
     /// Standard uncertainty of each displacement at each instant, mm; zero where it was not measured.
     pub sigma: Vec<Vec<[f64; 2]>>,
-    /// Normal matrix of the correlation; `None` when the run kept none: regularised, or of an earlier version.
+    /// Normal matrix of the correlation; `None` when the run kept none: of an earlier version, with brightness for each
+    /// element, or regularised with references that were renewed.
     pub normal_matrix: Option<RunMatrix>,
     /// How many images the reference is the mean of.
     pub n_references: usize,

@@ -58,14 +58,11 @@ pub fn read_joint_run(path: &Path, only: Option<&[String; 2]>) -> Result<JointRu
     };
     let (mut frames, mut instants, mut left_out, mut sigma) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut measured_from = Vec::new();
-    let mut matrix = matrix_of(&store, measured)?;
-    let without_penalty = without_penalty(&store, matrix.as_mut())?;
+    let (matrix, without_penalty) = without_penalty(&store, matrix_of(&store, measured)?)?;
     for number in 1..=store.n_frames() {
         match store.frame(number)?.map(|frame| frame.measurement).filter(|field| field.status == Status::Converged) {
             Some(mut field) => {
-                let reference = store.reference_frame(number)?.unwrap_or(0);
-                // From a later reference it acts on another displacement, of another mesh.
-                if let Some(without) = without_penalty.as_ref().filter(|_| reference == 0) {
+                if let Some(without) = &without_penalty {
                     without.apply(&mut field.displacement, &mut field.sigma, &mut field.measured);
                 }
                 let field = rectifier.rectify(&field);
@@ -86,7 +83,7 @@ pub fn read_joint_run(path: &Path, only: Option<&[String; 2]>) -> Result<JointRu
                 let field = field.to_mm(&on_specimen, scale);
                 let at = |(&u, &measured): (&[f64; 2], &bool)| measured.then_some(u);
                 frames.push(number);
-                measured_from.push(reference);
+                measured_from.push(store.reference_frame(number)?.unwrap_or(0));
                 instants.push(field.displacement.iter().zip(&field.measured).take(n_nodes).map(at).collect());
                 sigma.push(field.sigma.into_iter().take(n_nodes).collect());
             }
@@ -132,11 +129,21 @@ fn matrix_of(store: &Store, measured: &Mesh<Px>) -> Result<Option<RunMatrix>, Jo
     Ok(store.normal_matrices()?.map(|matrices| RunMatrix { corners, matrices, of_noise }))
 }
 
-/// What takes the penalty out of the fields of a regularised run, and out of its matrix the nodes that the images alone
-/// say nothing of; `None` of other runs.
-fn without_penalty(store: &Store, matrix: Option<&mut RunMatrix>) -> Result<Option<WithoutPenalty>, JointFileError> {
-    let (Some(matrix), Some(penalty)) = (matrix, store.penalty()?) else { return Ok(None) };
+/// What takes the penalty out of the fields of a regularised run, and its `matrix` without the nodes that the images
+/// alone say nothing of; of other runs the matrix as it is. From a renewed reference the penalty acts on another
+/// displacement, of another mesh: such a run has no matrix.
+fn without_penalty(
+    store: &Store,
+    matrix: Option<RunMatrix>,
+) -> Result<(Option<RunMatrix>, Option<WithoutPenalty>), JointFileError> {
+    let Some(penalty) = store.penalty()? else { return Ok((matrix, None)) };
+    let Some(mut matrix) = matrix else { return Ok((None, None)) };
     let frames: Vec<usize> = (1..=store.n_frames()).collect();
+    for &number in &frames {
+        if store.reference_frame(number)?.is_some_and(|reference| reference > 0) {
+            return Ok((None, None));
+        }
+    }
     let [noise, _] = mean_noise(store, &frames)?;
     let noise = noise.unwrap_or(0.0);
     let (texture, _) = matrix.without_noise(noise);
@@ -149,7 +156,7 @@ fn without_penalty(store: &Store, matrix: Option<&mut RunMatrix>) -> Result<Opti
     for list in [&mut matrix.matrices, &mut matrix.of_noise] {
         list.iter_mut().zip(&matrix.corners).for_each(|(of, corners)| without.forget(of, corners));
     }
-    Ok(Some(without))
+    Ok((Some(matrix), Some(without)))
 }
 
 /// Of each of the first `n` elements, whether it shows no texture. That is the reference's: the same in all frames.

@@ -86,8 +86,8 @@ pub(crate) fn force_unknown(without: Vec<usize>) -> Option<Remark> {
 }
 
 pub(crate) fn normal_matrix_missing() -> Remark {
-    let text = "the store holds no normal matrix (of an earlier version, or with brightness for each element): the \
-                covariance is that of an even texture";
+    let text = "the store holds no normal matrix for the fit (of an earlier version, with brightness for each element, or \
+                regularised with a renewed reference): the covariance is that of an even texture";
     Remark::new(Code::NormalMatrixMissing, About::Run, text)
 }
 
