@@ -310,7 +310,7 @@ pub fn store(data: &[u8]) {
             Some(number) => read(&whole.store, *number),
             None => {
                 if let Ok(store) = Store::open(whole.store.path()) {
-                    let _ = (store.normal_matrices(), store.gradient_noise());
+                    let _ = (store.normal_matrices(), store.gradient_noise(), store.penalty());
                     (1..=store.n_frames().min(3)).for_each(|number| read(&store, number));
                 }
             }

@@ -34,8 +34,9 @@ pub(crate) fn make_or_find(
         writer.write_normal_matrices(&matrices)?;
         writer.write_gradient_noise(&correlator.gradient_noise())?;
     }
-    let has_penalty = store.penalty().is_ok_and(|there| there.is_some());
-    if let (false, Some(penalty)) = (has_penalty, correlator.penalty()) {
+    if let Some(penalty) = correlator.penalty()
+        && !store.penalty().is_ok_and(|there| there.is_some())
+    {
         writer.write_penalty(penalty)?;
     }
     Ok((writer, store))

@@ -304,8 +304,8 @@ impl Form {
             "grey levels^2/px^2",
             "normal matrix M of the correlation, element by element: upper triangle by rows of the 8 by 8 matrix, unknown \
              2 k + c is component c of corner k. The displacements have the covariance 2 sigma^2 M^-1; of a regularised run \
-             see penalty. Not there with splines, or where brightness was solved for each element. It holds the noise of the gradient: M0 = M - \
-             sigma^2 gradient_noise mean(psi_i psi_j), and Cov = sigma^2 [(1/k + gain^2) M0^-1 + gain^2 v M0^-1 (M - M0) \
+             see penalty. Not there with splines, or where brightness was solved for each element. It holds the noise of \
+             the gradient: M0 = M - sigma^2 gradient_noise mean(psi_i psi_j), and Cov = sigma^2 [(1/k + gain^2) M0^-1 + gain^2 v M0^-1 (M - M0) \
              M0^-1] for the mean of k references",
         ];
         Self::constant(NORMAL_MATRICES, Number::F64, &[("element", n_elements), ("entry", 36)], about)
