@@ -6,7 +6,7 @@
 
 use super::one_more::OneMore;
 use crate::identify::intervals::constants::power_of_length;
-use crate::identify::{ConstantEffect, Evaluation, ObservedInstant, Problem, Scale, Statistics, Weights};
+use crate::identify::{ConstantEffect, Evaluation, LoadCell, ObservedInstant, Problem, Scale, Statistics, Weights};
 use crate::linalg::Dense;
 use crate::mechanics::Model;
 
@@ -87,8 +87,7 @@ impl Problem<'_> {
         let change = |observed: &ObservedInstant| {
             let u = &evaluation.solution.instants[observed.index].displacement;
             let nodes = model.linearise(&*law, u).ok()?.by_thickness(&along);
-            let of_force =
-                |cell: &crate::identify::LoadCell| cell.width_mm * cell.reaction(model, &*law, u).change(&nodes);
+            let of_force = |cell: &LoadCell| cell.width_mm * cell.reaction(model, &*law, u).change(&nodes);
             Some(self.observation.column(observed.index, |node, c| nodes[node][c], of_force))
         };
         let change: Vec<Dense> = self.observation.instants.iter().map(change).collect::<Option<_>>()?;
